@@ -1,0 +1,1 @@
+"""Launching and supervision of processes, the ``mabirds`` command, inspection, evaluation and reports."""

@@ -1,0 +1,49 @@
+"""The ``mabirds`` command: one verb a file in ``mabirds_bringup.verbs``."""
+
+import sys
+
+
+import typer
+from typer.exceptions import TyperException
+
+from mabirds_bringup import exit_codes
+from mabirds_bringup.console import console
+from mabirds_bringup.network import ProcessDiedError
+from mabirds_bringup.verbs.bag import bag_app
+from mabirds_bringup.verbs.inspect import inspect
+from mabirds_bringup.verbs.record import record
+from mabirds_bringup.verbs.run import run
+from mabirds_bringup.verbs.simulate import simulate
+from mabirds_core.errors import MabirdsError
+from mabirds_msgs_py.environment import prepare_environment
+
+app = typer.Typer(
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    help="Learn what several agents want and what they may not do, from demonstrations that learners never pool.\n\n"
+    "Exit codes: 0 finished, 2 bad input, 3 a process died, 4 no learner found, 130 interrupted.",
+)
+for verb in (run, simulate, record, inspect):
+    app.command()(verb)
+app.add_typer(bag_app, name="bag")
+
+
+def main() -> None:
+    """Entry point of ``mabirds``: errors are one message and an exit code, never a traceback."""
+    prepare_environment()
+    try:
+        sys.exit(app(standalone_mode=False) or exit_codes.FINISHED)
+    except ProcessDiedError as error:
+        _fail(str(error), exit_codes.PROCESS_DIED)
+    except MabirdsError as error:
+        _fail(str(error), exit_codes.BAD_INPUT)
+    except TyperException as error:
+        error.show()
+        sys.exit(exit_codes.BAD_INPUT)
+    except (typer.Abort, KeyboardInterrupt):
+        _fail("interrupted; everything was stopped", exit_codes.INTERRUPTED)
+
+
+def _fail(message: str, code: int) -> None:
+    console.print(f"error: {message}", style="red", markup=False, highlight=False, soft_wrap=True)
+    sys.exit(code)

@@ -1,0 +1,55 @@
+"""What people see: progress and tables go to standard error, so that standard output stays clean for ``--json``."""
+
+import json
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+console = Console(stderr=True)
+
+
+@contextmanager
+def guarded_output() -> Iterator[Any]:
+    """Send everything that libraries print to standard output to standard error; yields the real standard output.
+
+    Fast DDS prints its errors to standard output, where they would spoil JSON.
+    """
+    sys.stdout.flush()
+    real = os.dup(1)
+    os.dup2(2, 1)
+    try:
+        with os.fdopen(os.dup(real), "w", encoding="utf-8") as stream:
+            yield stream
+    finally:
+        os.dup2(real, 1)
+        os.close(real)
+
+
+def print_json(content: Any, stream: Any) -> None:
+    """Exactly one JSON object."""
+    print(json.dumps(content), file=stream, flush=True)
+
+
+def progress_bar() -> Progress:
+    """A bar with count and time for long work."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    return Progress(*columns, console=console)
+
+
+def summary_table(summary: dict[str, Any]) -> Table:
+    """The summary of a run for the terminal."""
+    table = Table(title=f"{summary['experiment']}: learned constraints are those with -omega > "
+                        f"{summary['constraint_threshold']:g}")
+    for column in ("learner", "iterations", "CVR", "SR", "FPR", "FNR", "learned constraints"):
+        table.add_column(column, justify="left" if column == "learner" else "right")
+    for name, row in summary["learners"].items():
+        rates = (row[key] for key in ("violation_rate", "success_rate", "false_positive_rate", "false_negative_rate"))
+        cells = [f"{rate:.4f}" for rate in rates]
+        table.add_row(name, str(row["iterations"]), *cells, str(len(row["learned_constraints"])))
+    return table

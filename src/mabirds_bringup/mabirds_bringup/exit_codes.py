@@ -1,0 +1,11 @@
+"""What the ``mabirds`` command's exit codes mean."""
+
+FINISHED = 0
+BAD_INPUT = 2
+"""A wrong experiment, bag, schedule or option; the message names value, expectation and remedy."""
+PROCESS_DIED = 3
+"""A learner or the player ended before its time; its log is named."""
+NOBODY_THERE = 4
+"""``inspect --once`` found no learner in the domain."""
+INTERRUPTED = 130
+"""Ctrl-C: everything was stopped."""

@@ -1,0 +1,149 @@
+"""A node that finds the learners of a domain and shows what they publish."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rclpy.node import Node
+from rclpy.parameter_client import AsyncParameterClient
+
+from mabirds_bringup.live_table import STATES
+from mabirds_core.assembly import build_game
+from mabirds_core.errors import MabirdsError
+from mabirds_core.experiment import load_experiment
+from mabirds_msgs.msg import EdgeSchedule, LearnerStatus, Parameters
+from mabirds_msgs_py import topics
+from mabirds_msgs_py.conversion import arrays
+from mabirds_msgs_py.interfaces import type_name
+from mabirds_msgs_py.qos import STATUS_QOS, latched
+
+SEARCH_PERIOD = 0.2
+"""Seconds between two looks at the ROS graph."""
+
+
+@dataclass
+class Learner:
+    """What is known of one learner, by its namespace."""
+
+    namespace: str
+    status: LearnerStatus | None = None
+    parameters: Parameters | None = None
+    schedule: EdgeSchedule | None = None
+    feature_names: tuple[str, ...] | None = None
+    asked_for_names: bool = False
+    answered: bool = False
+
+    @property
+    def complete(self) -> bool:
+        """Has everything arrived that ``describe`` can show?"""
+        return None not in (self.status, self.parameters, self.schedule) and self.answered
+
+
+class InspectorNode(Node):
+    """Calls ``on_parameters`` and ``on_status`` with a learner at each of its messages.
+
+    Names of cost features come from the learner's own experiment file, where it can be read here and has the digest
+    that the learner publishes; elsewhere features are numbered.
+    """
+
+    def __init__(
+        self,
+        on_parameters: Callable[[Learner], None] = lambda _: None,
+        on_status: Callable[[Learner], None] = lambda _: None,
+        **node_options: Any,
+    ) -> None:
+        super().__init__("inspector", **node_options)
+        self.learners: dict[str, Learner] = {}
+        self._on_parameters, self._on_status = on_parameters, on_status
+        self._parameter_clients: dict[str, AsyncParameterClient] = {}
+        self.create_timer(SEARCH_PERIOD, self._search)
+
+    @property
+    def complete(self) -> bool:
+        """Has every learner of the schedules been found and heard?"""
+        return bool(self.learners) and not self.missing() and all(one.complete for one in self.learners.values())
+
+    def missing(self) -> list[str]:
+        """Learners that a schedule names and that were not found."""
+        schedules = [one.schedule for one in self.learners.values() if one.schedule is not None]
+        named = {name for schedule in schedules for name in schedule.learners}
+        return sorted(named - {topics.split_namespace(namespace)[1] for namespace in self.learners})
+
+    def _search(self) -> None:
+        for topic, types in self.get_topic_names_and_types():
+            namespace = topic.removesuffix(f"/{topics.STATUS}")
+            if type_name(LearnerStatus) in types and namespace != topic and namespace not in self.learners:
+                self._watch(namespace)
+        for learner in self.learners.values():
+            self._ask_for_names(learner)
+
+    def _watch(self, namespace: str) -> None:
+        learner = self.learners[namespace] = Learner(namespace)
+        self._parameter_clients[namespace] = AsyncParameterClient(self, f"{namespace}/learner")
+        for message_type, topic, field, qos, tell in (
+            (LearnerStatus, topics.STATUS, "status", STATUS_QOS, self._on_status),
+            (Parameters, topics.PARAMETERS, "parameters", latched(64), self._on_parameters),
+            (EdgeSchedule, topics.EDGE_SCHEDULE, "schedule", STATUS_QOS, lambda _: None),
+        ):
+            receive = partial(self._on_message, learner, field, tell)
+            self.create_subscription(message_type, f"{namespace}/{topic}", receive, qos)
+
+    def _on_message(self, learner: Learner, field: str, tell: Callable[[Learner], None], message: Any) -> None:
+        setattr(learner, field, message)
+        tell(learner)
+
+    def _ask_for_names(self, learner: Learner) -> None:
+        client = self._parameter_clients[learner.namespace]
+        if not learner.asked_for_names and learner.parameters is not None and client.services_are_ready():
+            learner.asked_for_names = True
+            client.get_parameters(["experiment"]).add_done_callback(partial(self._on_experiment, learner))
+
+    def _on_experiment(self, learner: Learner, future: Any) -> None:
+        learner.answered = True
+        file = Path(future.result().values[0].string_value)
+        try:
+            experiment = load_experiment(file)
+        except MabirdsError:
+            return  # the file of another host: features stay numbered
+        if learner.parameters is not None and experiment.digest == learner.parameters.experiment_digest:
+            learner.feature_names = build_game(experiment).cost_features.names
+
+
+def describe(learner: Learner, top: int) -> dict[str, Any]:
+    """Everything about a learner as plain values; ``top``: how many of the costliest features."""
+    content: dict[str, Any] = {"namespace": learner.namespace}
+    if learner.status is not None:
+        status = learner.status
+        content |= {
+            "state": STATES.get(status.state, f"unknown state {status.state}"),
+            "iteration": status.iteration,
+            "waiting_for": list(status.waiting_for),
+            "backlog": status.backlog,
+            "last_demonstration": status.last_demonstration,
+            "mixed_from": list(status.mixed_from),
+            "metrics": dict(zip(status.metric_names, status.metric_values, strict=False)),
+            "dropped": dict(zip(status.drop_reasons, map(int, status.drop_counts), strict=False)),
+            "message": status.message,
+        }
+    if learner.parameters is not None:
+        content["parameters"] = describe_parameters(learner, top)
+    return content
+
+
+def describe_parameters(learner: Learner, top: int) -> dict[str, Any]:
+    """Iteration, norms and the costliest features of the newest parameters."""
+    theta, omega = arrays(learner.parameters)
+    order = np.argsort(omega, kind="stable")[:top]
+    return {
+        "iteration": learner.parameters.iteration if learner.parameters else None,
+        "theta_norm": float(np.linalg.norm(theta)),
+        "omega_norm": float(np.linalg.norm(omega)),
+        "costliest": [{"feature": _name(learner, int(k)), "cost": float(-omega[k])} for k in order],
+    }
+
+
+def _name(learner: Learner, feature: int) -> str:
+    return learner.feature_names[feature] if learner.feature_names else f"feature {feature}"

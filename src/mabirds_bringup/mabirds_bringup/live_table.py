@@ -1,0 +1,54 @@
+"""The table that `mabirds run` shows while it runs: who is where, and who waits for whom."""
+
+from rich.table import Table
+
+from mabirds_bringup.monitor import MonitorNode
+from mabirds_core.experiment import Experiment
+from mabirds_msgs.msg import LearnerStatus
+
+STATES = {
+    LearnerStatus.WAITING_FOR_DEMONSTRATION: "waits for a demonstration",
+    LearnerStatus.WAITING_FOR_NEIGHBOURS: "waits for neighbours",
+    LearnerStatus.LEARNING: "learning",
+    LearnerStatus.FINISHED: "finished",
+}
+
+
+def live_table(experiment: Experiment, monitor: MonitorNode) -> Table:
+    """One row a learner, the consensus distance below."""
+    table = Table(title=f"{experiment.name}: {len(experiment.learners)} learners", caption=caption(monitor))
+    for column in ("learner", "iteration", "backlog", "state", "waiting for", "s an iteration", "dropped"):
+        table.add_column(column)
+    for name in experiment.learners:
+        table.add_row(name, *_cells(experiment, monitor.statuses.get(name)))
+    return table
+
+
+def _cells(experiment: Experiment, status: LearnerStatus | None) -> list[str]:
+    if status is None:
+        return ["-", "-", "starting", "", "", ""]
+    metrics = dict(zip(status.metric_names, status.metric_values, strict=True))
+    drops = dict(zip(status.drop_reasons, status.drop_counts, strict=True))
+    return [
+        f"{status.last_demonstration}/{experiment.iterations}",
+        str(status.backlog),
+        STATES[status.state],
+        ", ".join(status.waiting_for),
+        f"{metrics['iteration_seconds']:.3f}" if "iteration_seconds" in metrics else "",
+        ", ".join(f"{reason} {count}" for reason, count in drops.items()),
+    ]
+
+
+def caption(monitor: MonitorNode) -> str:
+    """The consensus distances in words."""
+    consensus = monitor.consensus()
+    if consensus is None:
+        return "no parameters yet"
+    return f"iteration {consensus[0]}: consensus distance theta {consensus[1]:.3g}, omega {consensus[2]:.3g}"
+
+
+def plain_line(experiment: Experiment, monitor: MonitorNode) -> str:
+    """The same in one line, for output that is not a terminal."""
+    cells = (_cells(experiment, monitor.statuses.get(name)) for name in experiment.learners)
+    rows = [f"{name} {row[0]} {row[2]}" for name, row in zip(experiment.learners, cells, strict=True)]
+    return "; ".join([*rows, caption(monitor)])

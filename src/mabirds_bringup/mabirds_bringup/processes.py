@@ -1,0 +1,92 @@
+"""The operating-system side of a run: one process a node, each in its own process group with its own log."""
+
+import ctypes
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+STOP_PATIENCE = 5.0
+"""Seconds between SIGTERM and SIGKILL."""
+
+PR_SET_PDEATHSIG = 1
+
+ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+"""N learners share the machine; arithmetic in several threads would also cost the bit-for-bit equality."""
+
+
+@dataclass(frozen=True)
+class NodeProcess:
+    """A running node and where its output goes."""
+
+    name: str
+    popen: "subprocess.Popen[bytes]"
+    log: Path
+
+    @property
+    def exit_code(self) -> int | None:
+        """None while it runs; negative: ended by that signal."""
+        return self.popen.poll()
+
+
+def learner_command(learner: str, experiment: Path) -> list[str]:
+    """The command line of one learner's process."""
+    arguments = ["-r", f"__ns:=/{learner}", "-p", f"experiment:={experiment}"]
+    return [sys.executable, "-m", "mabirds_learner", "--ros-args", *arguments]
+
+
+def player_command(experiment: Path, parameters: Mapping[str, object]) -> list[str]:
+    """The command line of the expert player's process."""
+    pairs = {"experiment": experiment, **parameters}
+    arguments = [part for name, value in pairs.items() for part in ("-p", f"{name}:={value}")]
+    return [sys.executable, "-m", "mabirds_expert_player", "--ros-args", *arguments]
+
+
+def start(name: str, command: Sequence[str], log_directory: Path) -> NodeProcess:
+    """Start a node in a process group of its own; its output goes to ``log_directory/name.log``."""
+    log = log_directory / f"{name}.log"
+    environment = {**os.environ, **ONE_THREAD, "ROS_LOG_DIR": str(log_directory / "ros"), "PYTHONUNBUFFERED": "1"}
+    with log.open("wb") as output:
+        popen = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            env=environment,
+            start_new_session=True,
+            preexec_fn=_end_with_parent,
+        )
+    return NodeProcess(name, popen, log)
+
+
+def _end_with_parent() -> None:
+    """Ask the kernel for SIGTERM should the supervisor be killed, so that no node is left behind."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
+def stop(processes: Sequence[NodeProcess]) -> None:
+    """SIGTERM to all, then SIGKILL to the groups of those that are still there after STOP_PATIENCE."""
+    for process in processes:
+        _signal(process, signal.SIGTERM)
+    deadline = time.monotonic() + STOP_PATIENCE
+    for process in processes:
+        try:
+            process.popen.wait(max(0.0, deadline - time.monotonic()))
+        except subprocess.TimeoutExpired:
+            _signal(process, signal.SIGKILL)
+            process.popen.wait()
+
+
+def _signal(process: NodeProcess, number: int) -> None:
+    if process.exit_code is None:
+        os.killpg(process.popen.pid, number)
+
+
+def last_lines(log: Path, count: int = 5) -> str:
+    """The end of a log, for an error message."""
+    return "\n".join(log.read_text(encoding="utf-8", errors="replace").splitlines()[-count:])

@@ -1,0 +1,76 @@
+"""``mabirds run``: the experiment as a network of processes."""
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.live import Live
+
+from mabirds_bringup import run_directory
+from mabirds_bringup.console import console, guarded_output, print_json
+from mabirds_bringup.live_table import live_table, plain_line
+from mabirds_bringup.monitor import MonitorNode
+from mabirds_bringup.network import Network
+from mabirds_bringup.results import write_results
+from mabirds_bringup.verbs.options import ExperimentFile, Json, RunsDirectory
+from mabirds_core.experiment import Experiment, load_experiment
+
+LINE_PERIOD = 2.0
+"""Seconds between two lines of progress where the output is not a terminal."""
+
+
+def run(
+    file: ExperimentFile,
+    rate: Annotated[float, typer.Option(help="Speed, as a multiple of the recorded timing.", min=0.01, max=1e4)] = 1.0,
+    hz: Annotated[
+        float, typer.Option(help="Demonstrations a second; 0: the recorded timing times --rate.", min=0, max=1e4)
+    ] = 0.0,
+    out: RunsDirectory = Path("runs"),
+    as_json: Json = False,
+) -> None:
+    """Run an experiment: one process a learner plus the expert player, until everything is learned.
+
+    Example: mabirds run ros_ws/config/patrol.yaml --rate 10
+    """
+    with guarded_output() as stdout:
+        experiment = load_experiment(file)
+        directory = run_directory.create(out, experiment.name)
+        run_directory.write_manifest(directory, experiment, file, "network")
+        start = time.monotonic()
+        network = Network(experiment, file.resolve(), directory, {"rate": rate, "hz": hz})
+        with _Display(experiment) as display:
+            history = network.run(display.update)
+        content = write_results(experiment, history, directory, time.monotonic() - start)
+        if as_json:
+            print_json(content, stdout)
+
+
+class _Display:
+    """A live table on a terminal, a line every LINE_PERIOD seconds elsewhere."""
+
+    def __init__(self, experiment: Experiment) -> None:
+        self._experiment = experiment
+        self._live = Live(console=console, refresh_per_second=4, transient=True) if console.is_terminal else None
+        self._last = time.monotonic()
+
+    def __enter__(self) -> "_Display":
+        console.print(f"starting {len(self._experiment.learners)} learners and the expert player")
+        if self._live:
+            self._live.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._live:
+            self._live.stop()
+
+    def update(self, monitor: MonitorNode) -> None:
+        """Show where the learners are, not more often than eyes can follow."""
+        period = 0.25 if self._live else LINE_PERIOD
+        if time.monotonic() - self._last < period:
+            return
+        self._last = time.monotonic()
+        if self._live:
+            self._live.update(live_table(self._experiment, monitor))
+        else:
+            console.print(plain_line(self._experiment, monitor), soft_wrap=True)

@@ -1,0 +1,39 @@
+"""``mabirds simulate``: the same experiment in one process, the reference for the network."""
+
+import time
+from pathlib import Path
+
+from mabirds_bringup import run_directory
+from mabirds_bringup.console import guarded_output, print_json, progress_bar
+from mabirds_bringup.results import write_results
+from mabirds_bringup.verbs.options import ExperimentFile, Json, RunsDirectory
+from mabirds_core.assembly import build_game
+from mabirds_core.experiment import Experiment, load_experiment
+from mabirds_core.simulate import History
+from mabirds_core.simulate import simulate as simulate_network
+from mabirds_msgs_py.bag_reader import DemonstrationBag
+
+
+def simulate(file: ExperimentFile, out: RunsDirectory = Path("runs"), as_json: Json = False) -> None:
+    """Run an experiment's learners in one process, without any network; same results to the last bit.
+
+    Example: mabirds simulate ros_ws/config/patrol.yaml
+    """
+    with guarded_output() as stdout:
+        experiment = load_experiment(file)
+        start = time.monotonic()
+        history = simulate_from_bag(experiment)
+        directory = run_directory.create(out, experiment.name)
+        run_directory.write_manifest(directory, experiment, file, "in process")
+        content = write_results(experiment, history, directory, time.monotonic() - start)
+        if as_json:
+            print_json(content, stdout)
+
+
+def simulate_from_bag(experiment: Experiment) -> History:
+    """The in-process network on the experiment's own bag, with a bar of progress."""
+    bag = DemonstrationBag(experiment.demonstrations.bag, build_game(experiment), experiment.learners)
+    demonstrations = {name: list(bag.trajectories(name)) for name in experiment.learners}
+    with progress_bar() as bar:
+        task = bar.add_task("learning", total=experiment.iterations)
+        return simulate_network(experiment, demonstrations, lambda _: bar.advance(task))

@@ -1,0 +1,21 @@
+"""The package's exceptions: every one names the value, what was expected, and the remedy."""
+
+
+class MabirdsError(ValueError):
+    """Input that cannot be used; the message is meant for the person who gave it."""
+
+
+class ExperimentError(MabirdsError):
+    """An experiment file or one of its settings is wrong."""
+
+
+class ScheduleError(MabirdsError):
+    """An edge schedule breaks an assumption of the algorithm, or names learners that do not exist."""
+
+
+class ImpossibleTrajectoryError(MabirdsError):
+    """A trajectory has the wrong shape, or a step that the game's dynamics do not allow."""
+
+
+class InfeasibleError(MabirdsError):
+    """No trajectory from a start satisfies the hard constraints."""

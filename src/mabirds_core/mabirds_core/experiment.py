@@ -1,0 +1,150 @@
+"""An experiment file: the one typed, validated source of truth for game, algorithm, learners, schedule and bag."""
+
+from collections.abc import Iterator
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from mabirds_core.algorithm import StepSizes
+from mabirds_core.digest import digest
+from mabirds_core.errors import ExperimentError, MabirdsError
+from mabirds_core.games.patrol import PatrolSettings
+from mabirds_core.schedule import EdgeSchedule, alternating_ring, both_ways, complete_edges, ring_edges, static, validate
+
+LearnerName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+
+
+class _Settings(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class AlgorithmSettings(_Settings):
+    """Algorithm 1's settings."""
+
+    steps: StepSizes
+    window: int = Field(1, ge=1, le=1000, description="l: demonstrations in a gradient")
+    expectation: Literal["sampled", "exact"] = Field("sampled", description="rollouts, or the occupancy measure")
+    rollouts: int = Field(100, ge=1, le=1_000_000, description="m: trajectories a gradient, where sampled")
+    reward: Literal["linear"] = Field("linear", description="the reward model")
+
+
+class StaticSchedule(_Settings):
+    """The same undirected edges at every iteration."""
+
+    kind: Literal["static"]
+    graph: Literal["complete", "ring"] = "complete"
+
+    def build(self, learners: tuple[str, ...]) -> EdgeSchedule:
+        """The schedule for these learners."""
+        edges = {"complete": complete_edges, "ring": ring_edges}[self.graph]
+        return static(learners, edges(len(learners)))
+
+
+class AlternatingSchedule(_Settings):
+    """Every other edge of the ring of learners, in turns."""
+
+    kind: Literal["alternating"]
+
+    def build(self, learners: tuple[str, ...]) -> EdgeSchedule:
+        """The schedule for these learners."""
+        return alternating_ring(learners)
+
+
+class ExplicitSchedule(_Settings):
+    """Slots written out: lists of [sender, receiver] names."""
+
+    kind: Literal["slots"]
+    slots: tuple[tuple[tuple[LearnerName, LearnerName], ...], ...] = Field(min_length=1)
+    undirected: bool = Field(False, description="open every edge both ways")
+
+    def build(self, learners: tuple[str, ...]) -> EdgeSchedule:
+        """The schedule for these learners; raises ExperimentError for a name that is none of them."""
+        index = {name: number for number, name in enumerate(learners)}
+        for name in (name for slot in self.slots for edge in slot for name in edge):
+            if name not in index:
+                raise ExperimentError(f"schedule: {name!r} is none of the learners {list(learners)}")
+        slots = [[(index[sender], index[receiver]) for sender, receiver in slot] for slot in self.slots]
+        return EdgeSchedule(learners, tuple(both_ways(slot) if self.undirected else frozenset(slot) for slot in slots))
+
+
+ScheduleSettings = Annotated[StaticSchedule | AlternatingSchedule | ExplicitSchedule, Field(discriminator="kind")]
+
+
+class DemonstrationSettings(_Settings):
+    """Where the recorded demonstrations are, and how they are recorded."""
+
+    bag: Path = Field(description="rosbag2 directory, relative to the experiment file")
+    per_learner: int = Field(40, ge=1, le=1_000_000, description="demonstrations a learner")
+    period: float = Field(1.0, gt=0, le=86_400, description="seconds between two demonstrations in the recording")
+    seed: int = Field(0, ge=0, description="of the experts' choices among equally good moves")
+
+
+class Experiment(_Settings):
+    """One experiment; see ros_ws/config for commented examples."""
+
+    name: str = Field(pattern=r"^[a-z0-9][a-z0-9_-]*$")
+    game: PatrolSettings
+    algorithm: AlgorithmSettings
+    learners: tuple[LearnerName, ...] = Field(min_length=1)
+    schedule: ScheduleSettings
+    demonstrations: DemonstrationSettings
+    iterations: int = Field(ge=1, le=1_000_000, description="updates a learner makes, one demonstration each")
+    seed: int = Field(0, ge=0, description="of the learners' rollouts")
+    constraint_threshold: float = Field(ge=0, description="a constraint is learned where -omega exceeds this")
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> "Experiment":
+        validate(self.edge_schedule)
+        return self
+
+    @cached_property
+    def edge_schedule(self) -> EdgeSchedule:
+        """E(n) for the learners of this experiment."""
+        return self.schedule.build(self.learners)
+
+    def index_of(self, learner: str) -> int:
+        """Place of a learner in the list; raises ExperimentError where it is none of them."""
+        if learner not in self.learners:
+            raise ExperimentError(f"{learner!r} is none of the learners {list(self.learners)}")
+        return self.learners.index(learner)
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of what decides theta and omega: game, algorithm, learners and seed. Not of the bag's place."""
+        content = self.model_dump(mode="json", include={"game", "algorithm", "learners", "seed"})
+        return digest(content)
+
+
+def load_experiment(path: Path) -> Experiment:
+    """Read and check an experiment file; raises ExperimentError naming the file and every wrong setting."""
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ExperimentError(f"{path}: cannot be read ({error.strerror}); give the path of an experiment file") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ExperimentError(f"{path}: is not YAML: {error}") from None
+    if not isinstance(content, dict):
+        raise ExperimentError(f"{path}: expected the settings of an experiment, found {type(content).__name__}")
+    return _checked(path, content)
+
+
+def _checked(path: Path, content: dict[str, Any]) -> Experiment:
+    try:
+        experiment = Experiment.model_validate(content)
+    except ValidationError as error:
+        raise ExperimentError(f"{path}: " + "; ".join(_explanations(error))) from None
+    except MabirdsError as error:
+        raise ExperimentError(f"{path}: {error}") from None
+    bag = (path.parent / experiment.demonstrations.bag).resolve()
+    demonstrations = experiment.demonstrations.model_copy(update={"bag": bag})
+    return experiment.model_copy(update={"demonstrations": demonstrations})
+
+
+def _explanations(error: ValidationError) -> Iterator[str]:
+    for problem in error.errors():
+        place = ".".join(str(part) for part in problem["loc"]) or "experiment"
+        given = f" (given: {problem['input']!r})" if isinstance(problem["input"], int | float | str) else ""
+        yield f"{place}: {problem['msg']}{given}"

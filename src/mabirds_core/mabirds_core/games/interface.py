@@ -1,0 +1,152 @@
+"""What a constrained Markov game offers to learners, experts and metrics (paper, section 2).
+
+A game is (states, actions, transitions, gamma, P_0, reward, cost features, horizon T) of N_E experts that act
+together: a state and an action are those of all experts at once. Trajectories have T + 1 steps, t = 0..T.
+"""
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+
+class Trajectories(NamedTuple):
+    """m joint trajectories; axis 0 counts trajectories, axis 1 the steps t = 0..T.
+
+    ``states``: (m, T + 1) joint state indices in a tabular game.
+    ``actions``: (m, T + 1) joint action indices in a tabular game.
+    """
+
+    states: Indices
+    actions: Indices
+
+
+class Visitation(NamedTuple):
+    """A weighted set of M state-action pairs: sum_k weights[k] f(states[k], actions[k]) estimates E sum_t gamma^t f.
+
+    One trajectory, a batch of rollouts and an exact occupancy measure all take this form, so that features and
+    reward gradients are summed by one function each.
+    """
+
+    states: Indices
+    actions: Indices
+    weights: Vector
+
+
+class FeatureMap(Protocol):
+    """Features phi(s, a) of a tabular game with S joint states and A joint actions."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """One name for people a feature, shape (K,)."""
+        ...
+
+    def total(self, visitation: Visitation) -> Vector:
+        """sum_k weights[k] phi(states[k], actions[k]), shape (K,)."""
+        ...
+
+    def table(self, weights: Vector) -> Array:
+        """weights^T phi(s, a) for every pair, shape (S, A); ``weights`` has shape (K,)."""
+        ...
+
+
+class ConstrainedMarkovGame(Protocol):
+    """A game as learners and metrics see it."""
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of everything that defines the game."""
+        ...
+
+    @property
+    def horizon(self) -> int:
+        """T: the last step; trajectories have T + 1 steps."""
+        ...
+
+    @property
+    def discount(self) -> float:
+        """gamma in (0, 1]."""
+        ...
+
+    @property
+    def n_experts(self) -> int:
+        """N_E: how many experts act together."""
+        ...
+
+    @property
+    def cost_features(self) -> FeatureMap:
+        """phi: what omega weighs."""
+        ...
+
+    @property
+    def reward_features(self) -> FeatureMap:
+        """Features of the linear reward model: what theta weighs."""
+        ...
+
+    @property
+    def true_constraints(self) -> Mask:
+        """Which cost features the experts really may not touch, shape (K,); for metrics only."""
+        ...
+
+    def encode(self, trajectory: Trajectories) -> tuple[Array, Array]:
+        """One trajectory as real arrays for messages and bags: (T + 1, state_size), (T + 1, action_size)."""
+        ...
+
+    def decode(self, states: Array, actions: Array) -> Trajectories:
+        """Inverse of ``encode``, checked step by step.
+
+        Raises ImpossibleTrajectoryError for a wrong shape, a value that is no state or action of the game, or a
+        transition that its dynamics do not allow.
+        """
+        ...
+
+
+class TabularGame(ConstrainedMarkovGame, Protocol):
+    """A game with S joint states, A joint actions and deterministic transitions, small enough to enumerate."""
+
+    @property
+    def n_states(self) -> int:
+        """S."""
+        ...
+
+    @property
+    def n_actions(self) -> int:
+        """A: joint actions."""
+        ...
+
+    @property
+    def successor(self) -> Indices:
+        """successor[s, a]: the joint state that follows, shape (S, A)."""
+        ...
+
+    @property
+    def initial_distribution(self) -> Vector:
+        """P_0, shape (S,)."""
+        ...
+
+    @property
+    def violation(self) -> Mask:
+        """violation[s, a]: does the pair break a hard constraint? Shape (S, A); for experts and metrics only."""
+        ...
+
+    @property
+    def goal(self) -> Mask:
+        """goal[s]: has every expert arrived? Shape (S,)."""
+        ...
+
+    @property
+    def task_reward(self) -> Array:
+        """The experts' own reward without constraints, shape (S, A); for experts and metrics only."""
+        ...
+
+
+def discounted_visitation(trajectories: Trajectories, discount: float) -> Visitation:
+    """The pairs of m trajectories with weights gamma^t / m: totals over it are means of discounted sums."""
+    count, steps = trajectories.states.shape
+    weights = np.broadcast_to(discount ** np.arange(steps) / count, (count, steps))
+    return Visitation(trajectories.states.ravel(), trajectories.actions.ravel(), weights.ravel())

@@ -1,0 +1,74 @@
+"""How well a learner imitates and what it takes for a constraint.
+
+- CVR, constraint violation rate: probability that a trajectory breaks a true constraint at some step.
+- SR, success rate: probability that no true constraint is broken and every expert is at its goal at step T.
+- FPR, FNR of the learned constraints {k : -omega_k > threshold}: the share of harmless cost features learned as
+  constraints, and the share of true constraints not learned.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from mabirds_core.games.interface import Mask, TabularGame, Trajectories, Vector
+from mabirds_core.policies.interface import Policy
+from mabirds_core.policies.occupancy import occupancy_measure
+
+
+class Imitation(NamedTuple):
+    """CVR and SR, each in [0, 1]."""
+
+    violation_rate: float
+    success_rate: float
+
+
+class ConstraintErrors(NamedTuple):
+    """FPR and FNR, each in [0, 1]."""
+
+    false_positive_rate: float
+    false_negative_rate: float
+
+
+def exact_imitation(game: TabularGame, policy: Policy) -> Imitation:
+    """CVR and SR without sampling: the probability mass that stays clean is followed through time."""
+    everywhere = np.arange(game.n_states)
+    clean = game.initial_distribution
+    for step in range(game.horizon + 1):
+        pairs = clean[:, None] * np.exp(policy.log_probabilities(step, everywhere))
+        pairs[game.violation] = 0.0
+        clean = np.bincount(game.successor.ravel(), pairs.ravel(), minlength=game.n_states)
+    return Imitation(max(0.0, 1.0 - float(pairs.sum())), float(pairs[game.goal].sum()))
+
+
+def sampled_imitation(game: TabularGame, trajectories: Trajectories) -> Imitation:
+    """CVR and SR as shares of the given trajectories."""
+    violated = game.violation[trajectories.states, trajectories.actions].any(axis=1)
+    arrived = game.goal[trajectories.states[:, -1]]
+    return Imitation(float(violated.mean()), float((arrived & ~violated).mean()))
+
+
+def learned_constraints(omega: Vector, threshold: float) -> Mask:
+    """Where the learned cost -omega exceeds the threshold, shape (K,)."""
+    return -omega > threshold
+
+
+def constraint_errors(omega: Vector, true_constraints: Mask, threshold: float) -> ConstraintErrors:
+    """FPR and FNR; a rate over an empty class is 0."""
+    learned = learned_constraints(omega, threshold)
+    return ConstraintErrors(
+        int((learned & ~true_constraints).sum()) / max(1, int((~true_constraints).sum())),
+        int((~learned & true_constraints).sum()) / max(1, int(true_constraints.sum())),
+    )
+
+
+def consensus_distance(vectors: Sequence[Vector]) -> float:
+    """max_v || x_v - mean x ||_2 over the learners' vectors."""
+    stacked = np.stack(vectors)
+    return float(np.sqrt(((stacked - stacked.mean(axis=0)) ** 2).sum(axis=1)).max())
+
+
+def policy_distance(game: TabularGame, policies: Sequence[Policy]) -> float:
+    """Largest total variation distance between two policies' occupancy measures, in [0, 1]."""
+    occupancies = [occupancy_measure(game, policy) for policy in policies]
+    return max((float(np.abs(a - b).sum() / 2) for i, a in enumerate(occupancies) for b in occupancies[:i]), default=0.0)

@@ -1,0 +1,31 @@
+"""What Algorithm 1 asks of a policy and of the finder that makes one from theta and omega."""
+
+from typing import Protocol
+
+import numpy as np
+
+from mabirds_core.games.interface import Array, Indices, Vector, Visitation
+
+
+class Policy(Protocol):
+    """A time-dependent stochastic policy pi_t(a | s) of a tabular game."""
+
+    def log_probabilities(self, step: int, states: Indices) -> Array:
+        """log pi_t(a | s) for M joint states, shape (M, A); -inf where an action is never taken."""
+        ...
+
+
+class PolicyFinder(Protocol):
+    """Step 1 of Algorithm 1: the constrained soft Bellman policy of r_theta + omega^T phi."""
+
+    def find(self, theta: Vector, omega: Vector) -> Policy:
+        """The policy for these parameters."""
+        ...
+
+
+class Expectation(Protocol):
+    """Step 2 of Algorithm 1: how E_pi sum_t gamma^t f(s_t, a_t) is found."""
+
+    def __call__(self, policy: Policy, rng: np.random.Generator) -> Visitation:
+        """A visitation whose totals are, or estimate, the policy's expected discounted sums."""
+        ...

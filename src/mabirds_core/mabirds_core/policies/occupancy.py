@@ -1,0 +1,72 @@
+"""Following a policy: rollouts, the exact occupancy measure, and the two ways to an expectation."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mabirds_core.errors import InfeasibleError
+from mabirds_core.games.interface import Array, TabularGame, Trajectories, Vector, Visitation, discounted_visitation
+from mabirds_core.policies.interface import Policy
+
+
+def rollouts(game: TabularGame, policy: Policy, count: int, rng: np.random.Generator) -> Trajectories:
+    """``count`` trajectories from P_0. Raises InfeasibleError where the policy has no action to take."""
+    states = np.empty((count, game.horizon + 1), dtype=np.int64)
+    actions = np.empty_like(states)
+    current = rng.choice(game.n_states, size=count, p=game.initial_distribution)
+    for step in range(game.horizon + 1):
+        states[:, step] = current
+        actions[:, step] = _draw(policy.log_probabilities(step, current), rng)
+        current = game.successor[current, actions[:, step]]
+    return Trajectories(states, actions)
+
+
+def _draw(log_probabilities: Array, rng: np.random.Generator) -> Vector:
+    """One action a row, by inverting the cumulative distribution."""
+    cumulative = np.exp(log_probabilities).cumsum(axis=1)
+    total = cumulative[:, -1:]
+    if not (total > 0).all():
+        raise InfeasibleError("a rollout reached a state in which every action is blocked: no start may lead there")
+    return (cumulative <= rng.random((len(total), 1)) * total).sum(axis=1)
+
+
+def occupancy_measure(game: TabularGame, policy: Policy) -> Array:
+    """rho(s, a) = sum_t gamma^t P(s_t = s, a_t = a) / sum_t gamma^t, shape (S, A), mass 1."""
+    everywhere = np.arange(game.n_states)
+    present = game.initial_distribution
+    occupancy = np.zeros((game.n_states, game.n_actions))
+    for step in range(game.horizon + 1):
+        pairs = present[:, None] * np.exp(policy.log_probabilities(step, everywhere))
+        occupancy += game.discount**step * pairs
+        present = np.bincount(game.successor.ravel(), pairs.ravel(), minlength=game.n_states)
+    return occupancy / discounted_steps(game)
+
+
+def discounted_steps(game: TabularGame) -> float:
+    """sum_{t=0}^T gamma^t: what turns the occupancy measure into expected discounted sums."""
+    return float((game.discount ** np.arange(game.horizon + 1)).sum())
+
+
+@dataclass(frozen=True)
+class SampledExpectation:
+    """Means over ``count`` rollouts: the paper's m trajectories zeta^j."""
+
+    game: TabularGame
+    count: int
+
+    def __call__(self, policy: Policy, rng: np.random.Generator) -> Visitation:
+        """The rollouts' visitation."""
+        return discounted_visitation(rollouts(self.game, policy, self.count, rng), self.game.discount)
+
+
+@dataclass(frozen=True)
+class ExactExpectation:
+    """The limit m -> infinity: the occupancy measure itself."""
+
+    game: TabularGame
+
+    def __call__(self, policy: Policy, rng: np.random.Generator) -> Visitation:  # noqa: ARG002 - nothing is drawn
+        """Every pair of positive probability."""
+        weights = discounted_steps(self.game) * occupancy_measure(self.game, policy)
+        states, actions = np.nonzero(weights)
+        return Visitation(states, actions, weights[states, actions])

@@ -1,0 +1,66 @@
+"""The constrained soft Bellman policy by exact soft value iteration (paper, section 4, equation (4)).
+
+    Q_t(s, a) = r_theta(s, a) + omega^T phi(s, a) + gamma V_{t+1}(s'),   s' = successor[s, a]
+    V_t(s)    = log sum_a exp Q_t(s, a),                                 V_{T+1} = 0
+    pi_t(a|s) = exp(Q_t(s, a) - V_t(s))
+
+It is the policy of largest discounted causal entropy plus expected reward. A reward of -inf is a hard
+constraint: the action gets probability 0, and a state all of whose actions are blocked has the value -inf.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mabirds_core.games.interface import Array, FeatureMap, Indices, TabularGame, Vector
+from mabirds_core.rewards import RewardModel
+
+
+@dataclass(frozen=True)
+class SoftBellmanPolicy:
+    """The policy, kept as the reward table (S, A) and the values V[t, s], shape (T + 2, S)."""
+
+    game: TabularGame
+    reward: Array
+    values: Array
+
+    def log_probabilities(self, step: int, states: Indices) -> Array:
+        """log pi_t(a | s) = Q_t(s, a) - V_t(s), shape (M, A); -inf throughout where all actions are blocked."""
+        backup = self.game.discount * self.values[step + 1][self.game.successor[states]]
+        value = self.values[step][states][:, None]
+        return self.reward[states] + backup - np.where(np.isneginf(value), 0.0, value)
+
+
+@dataclass(frozen=True)
+class SoftBellmanFinder:
+    """The exact finder, for games that can be enumerated."""
+
+    game: TabularGame
+    reward_model: RewardModel
+    cost_features: FeatureMap
+
+    def find(self, theta: Vector, omega: Vector) -> SoftBellmanPolicy:
+        """pi(omega, theta)."""
+        reward = self.reward_model.table(theta) + self.cost_features.table(omega)
+        return soft_bellman_policy(self.game, reward)
+
+
+def soft_bellman_policy(game: TabularGame, reward: Array) -> SoftBellmanPolicy:
+    """The policy for a reward table (S, A), finite or -inf."""
+    return SoftBellmanPolicy(game, reward, soft_value_iteration(game, reward))
+
+
+def soft_value_iteration(game: TabularGame, reward: Array) -> Array:
+    """V[t, s] for t = 0..T + 1, shape (T + 2, S), backwards in time and in log space."""
+    values = np.zeros((game.horizon + 2, game.n_states))
+    for step in range(game.horizon, -1, -1):
+        values[step] = log_sum_exp(reward + game.discount * values[step + 1][game.successor])
+    return values
+
+
+def log_sum_exp(table: Array) -> Vector:
+    """log sum_a exp table[s, a], shape (S,), safe for large numbers; -inf for rows of only -inf."""
+    largest = table.max(axis=1)
+    shift = np.where(np.isneginf(largest), 0.0, largest)
+    with np.errstate(divide="ignore"):  # log 0 = -inf is what a blocked row means
+        return shift + np.log(np.exp(table - shift[:, None]).sum(axis=1))

@@ -1,0 +1,207 @@
+"""The expert player: streams each learner's recorded demonstrations to that learner alone.
+
+``rate`` multiplies the recorded timing; ``hz`` above 0 overrides it with demonstrations a second. Both may change
+while the node runs. Nothing is sent before a learner has announced itself with the right game, and never more than
+``window`` demonstrations beyond what it has learned.
+"""
+
+import time
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from std_srvs.srv import SetBool
+
+from mabirds_core.assembly import build_game
+from mabirds_core.errors import ExperimentError
+from mabirds_core.experiment import load_experiment
+from mabirds_expert_player.stream import Stream
+from mabirds_msgs.msg import Demonstration, LearnerStatus
+from mabirds_msgs.srv import PlayNext, Resend
+from mabirds_msgs_py import topics
+from mabirds_msgs_py.bag_reader import DemonstrationBag
+from mabirds_msgs_py.conversion import NANOSECONDS
+from mabirds_msgs_py.environment import prepare_environment
+from mabirds_msgs_py.node_main import run_node
+from mabirds_msgs_py.qos import STATUS_QOS, latched
+from mabirds_msgs_py.ros_parameters import real, text, whole
+
+PATIENCE = 2.0
+"""Seconds after which a demonstration that a waiting learner does not acknowledge is sent again."""
+
+HISTORY = 256
+"""Depth of the demonstration topics: what a late joiner still gets."""
+
+
+class ExpertPlayerNode(Node):
+    """Plays an experiment's bag. ``done`` turns true once every learner has learned everything.
+
+    Raises MabirdsError for a wrong experiment or bag.
+    """
+
+    def __init__(self, **node_options: Any) -> None:
+        super().__init__("expert_player", **node_options)
+        self._declare_parameters()
+        experiment = load_experiment(Path(self._value("experiment")))
+        self._game = build_game(experiment)
+        directory = Path(self._value("bag") or experiment.demonstrations.bag)
+        self._bag = DemonstrationBag(directory, self._game, experiment.learners)
+        self._streams = {name: self._stream(name, experiment.iterations) for name in experiment.learners}
+        self._paused = False
+        self._held_back: set[str] = set()
+        self.done = False
+        self._publishers_by_learner = {name: self._connect(name) for name in experiment.learners}
+        self._timer = self.create_timer(1.0, self._play)
+        self.add_post_set_parameters_callback(self._on_parameters)
+        self.create_service(SetBool, "~/pause", self._on_pause)
+        self.create_service(PlayNext, "~/play_next", self._on_play_next)
+        self.create_service(Resend, "~/resend", self._on_resend)
+        self.get_logger().info(f"{directory}: waiting for {', '.join(self._streams)}")
+
+    def _declare_parameters(self) -> None:
+        self.declare_parameter("experiment", "", text("path of the experiment file (YAML)"))
+        self.declare_parameter("bag", "", text("bag to play; empty: the experiment's"))
+        self.declare_parameter("window", 16, whole("demonstrations ahead of what a learner has learned", 1, HISTORY))
+        self.declare_parameter("rate", 1.0, real("speed, as a multiple of the recorded timing", 0.01, 1e4, fixed=False))
+        self.declare_parameter(
+            "hz", 0.0, real("demonstrations a second; 0: the recorded timing times rate", 0.0, 1e4, fixed=False)
+        )
+
+    def _value(self, name: str) -> Any:
+        return self.get_parameter(name).value
+
+    def _stream(self, learner: str, iterations: int) -> Stream:
+        count = self._bag.count(learner)
+        if count < iterations:
+            raise ExperimentError(
+                f"{learner}: the bag has {count} demonstrations, the experiment learns {iterations};"
+                " record more, or lower iterations"
+            )
+        return Stream(total=iterations, window=self._value("window"))
+
+    def _connect(self, learner: str) -> Any:
+        self.create_subscription(
+            LearnerStatus, f"{learner}/{topics.STATUS}", partial(self._on_status, learner), STATUS_QOS
+        )
+        return self.create_publisher(Demonstration, f"{learner}/{topics.DEMONSTRATION}", latched(HISTORY))
+
+    def _on_status(self, learner: str, status: LearnerStatus) -> None:
+        if status.game_digest != self._game.digest:
+            self.get_logger().error(
+                f"{learner} plays another game: digest {status.game_digest}, here {self._game.digest};"
+                " start it with the same experiment file",
+                throttle_duration_sec=10.0,
+            )
+            return
+        stream = self._streams[learner]
+        stream.acknowledge(status.last_demonstration)
+        if status.state == LearnerStatus.WAITING_FOR_DEMONSTRATION:
+            for iteration in stream.missing(time.monotonic(), PATIENCE):
+                self._publish(learner, iteration)
+        self._play()
+
+    def _play(self) -> None:
+        """Send what is due and permitted, then set the timer to the next due time."""
+        now = time.monotonic()
+        for learner, stream in self._streams.items():
+            while stream.open and not self._paused and (due := self._due(learner)) <= now:
+                self._publish(learner, stream.mark_sent(now, due))
+            self._report_holding_back(learner, stream)
+        self.done = all(stream.finished for stream in self._streams.values())
+        self._set_timer(now)
+
+    def _due(self, learner: str) -> float:
+        return self._streams[learner].due_at(partial(self._gap, learner))
+
+    def _gap(self, learner: str, iteration: int) -> float:
+        """Seconds from demonstration ``iteration`` - 1 to ``iteration`` at the present speed."""
+        hz = self._value("hz")
+        if hz > 0:
+            return 1.0 / hz
+        recorded = self._bag.time(learner, iteration) - self._bag.time(learner, iteration - 1)
+        return recorded / NANOSECONDS / self._value("rate")
+
+    def _set_timer(self, now: float) -> None:
+        """Wake up when the next demonstration is due; not at all where only a learner's status can open a stream."""
+        waiting = [] if self._paused else [self._due(name) for name, stream in self._streams.items() if stream.open]
+        if not waiting:
+            self._timer.cancel()
+            return
+        self._timer.timer_period_ns = max(1, int((min(waiting) - now) * NANOSECONDS))
+        self._timer.reset()
+
+    def _publish(self, learner: str, iteration: int) -> None:
+        self._publishers_by_learner[learner].publish(self._bag.message(learner, iteration))
+
+    def _report_holding_back(self, learner: str, stream: Stream) -> None:
+        """Say when holding back begins and ends, not in between."""
+        if stream.held_back and learner not in self._held_back:
+            self._held_back.add(learner)
+            self.get_logger().info(
+                f"holding {learner} back: sent {stream.sent}, learned {stream.acknowledged}, window {stream.window}"
+            )
+        elif not stream.held_back and learner in self._held_back:
+            self._held_back.remove(learner)
+            self.get_logger().info(f"{learner} caught up to {stream.acknowledged}")
+
+    def _on_parameters(self, parameters: list[Parameter]) -> None:
+        """A new rate or hz holds from the next demonstration on."""
+        if {parameter.name for parameter in parameters} & {"rate", "hz"}:
+            self._play()
+
+    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        self._paused = request.data
+        self._play()
+        response.success, response.message = True, "paused" if self._paused else "playing"
+        return response
+
+    def _on_play_next(self, request: PlayNext.Request, response: PlayNext.Response) -> PlayNext.Response:
+        if not self._paused:
+            response.message = "expected a paused player; call pause with data: true first"
+            return response
+        now, sent = time.monotonic(), 0
+        for learner, stream in self._streams.items():
+            for _ in range(request.count):
+                if stream.open:
+                    self._publish(learner, stream.mark_sent(now, now))
+                    sent += 1
+        response.success, response.message = True, f"published {sent} demonstrations"
+        return response
+
+    def _on_resend(self, request: Resend.Request, response: Resend.Response) -> Resend.Response:
+        stream = self._streams.get(request.learner)
+        if stream is None or not 1 <= request.iteration <= stream.sent:
+            sent = {name: stream.sent for name, stream in self._streams.items()}
+            response.message = f"{request.learner!r} iteration {request.iteration}: expected one of those sent, {sent}"
+            return response
+        self._publish(request.learner, request.iteration)
+        response.success, response.message = True, "published again"
+        return response
+
+
+HELP = """Stream recorded demonstrations, each learner's to that learner alone.
+
+usage: mabirds-expert-player --ros-args -p experiment:=FILE [-p PARAMETER:=VALUE ...]
+
+example: mabirds-expert-player --ros-args -p experiment:=ros_ws/config/patrol.yaml -p rate:=10.0
+
+parameters:
+  experiment   path of the experiment file (YAML)
+  bag          bag to play; empty: the experiment's
+  rate         speed, as a multiple of the recorded timing (1.0); may change while it runs
+  hz           demonstrations a second; 0: the recorded timing times rate (0.0); may change while it runs
+  window       demonstrations ahead of what a learner has learned (16)
+
+services: ~/pause (std_srvs/SetBool), ~/play_next, ~/resend (mabirds_msgs)
+
+It ends when everything is learned, or on SIGINT or SIGTERM.
+Exit codes: 0 finished or ended as asked, 2 wrong experiment, bag or parameter."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Entry point of ``mabirds-expert-player``."""
+    prepare_environment()
+    return run_node(ExpertPlayerNode, HELP, arguments)

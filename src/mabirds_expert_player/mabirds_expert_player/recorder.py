@@ -1,0 +1,36 @@
+"""Recording expert demonstrations to a bag: one topic a learner, the same messages from the same seed."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from mabirds_core.assembly import build_game
+from mabirds_core.experiment import Experiment
+from mabirds_expert_player.experts import OptimalExperts
+from mabirds_msgs_py.bag_writer import BagWriter
+from mabirds_msgs_py.conversion import NANOSECONDS, demonstration_message
+from mabirds_msgs_py.topics import bag_topic
+
+FIRST_STAMP = 1_700_000_000 * NANOSECONDS
+"""Recording time of the first demonstration: fixed, so that a bag depends on its experiment alone."""
+
+
+def record(experiment: Experiment, directory: Path, on_demonstration: Callable[[], None] = lambda: None) -> None:
+    """Write a bag with ``experiment.demonstrations.per_learner`` demonstrations for each learner.
+
+    Raises BagError where ``directory`` exists, InfeasibleError where a start has no clean way to the goal.
+    """
+    game, settings = build_game(experiment), experiment.demonstrations
+    experts = OptimalExperts(game)
+    streams = {
+        learner: experts.demonstrations(settings.per_learner, np.random.default_rng([settings.seed, index]))
+        for index, learner in enumerate(experiment.learners)
+    }
+    with BagWriter(directory) as bag:
+        for iteration in range(1, settings.per_learner + 1):
+            stamp = FIRST_STAMP + round((iteration - 1) * settings.period * NANOSECONDS)
+            for learner, stream in streams.items():
+                message = demonstration_message(game, learner, iteration, next(stream), stamp)
+                bag.write(bag_topic(learner), message, stamp)
+                on_demonstration()

@@ -1,0 +1,68 @@
+"""Where one learner's stream stands: what is due, what is held back, what must be sent again. No ROS, no clock."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+
+@dataclass
+class Stream:
+    """Demonstrations 1..total of one learner.
+
+    Lossless by construction: never more than ``window`` demonstrations beyond ``acknowledged``, the newest one
+    that the learner says it has learned. Times are seconds of a steady clock.
+    """
+
+    total: int
+    window: int
+    sent: int = 0
+    acknowledged: int = 0
+    ready: bool = False
+    last_due: float | None = None
+    last_sent_at: float = 0.0
+
+    @property
+    def finished(self) -> bool:
+        """Has the learner acknowledged everything?"""
+        return self.acknowledged >= self.total
+
+    @property
+    def held_back(self) -> bool:
+        """Is there something to send that the learner is not ready to take?"""
+        return self.sent < self.total and self.sent >= self.acknowledged + self.window
+
+    @property
+    def open(self) -> bool:
+        """May the next demonstration be sent, as far as the learner is concerned?"""
+        return self.ready and self.sent < self.total and not self.held_back
+
+    def acknowledge(self, iteration: int) -> None:
+        """The learner has learned everything up to ``iteration``; also where a player takes up after a restart."""
+        self.ready = True
+        self.acknowledged = max(self.acknowledged, min(iteration, self.total))
+        self.sent = max(self.sent, self.acknowledged)
+
+    def due_at(self, gap: Callable[[int], float]) -> float:
+        """When the next demonstration is due; ``gap(n)``: seconds between demonstrations n - 1 and n."""
+        return 0.0 if self.last_due is None else self.last_due + gap(self.sent + 1)
+
+    def mark_sent(self, now: float, due: float) -> int:
+        """Count the next demonstration as sent and return its number.
+
+        A demonstration that was late because it was held back shifts the ones after it: no burst makes up for it.
+        """
+        late = self.last_due is None or now - due > LATENESS
+        self.last_due = now if late else due
+        self.last_sent_at = now
+        self.sent += 1
+        return self.sent
+
+    def missing(self, now: float, patience: float) -> range:
+        """What was sent over ``patience`` seconds ago and is still not acknowledged by a learner that waits."""
+        if self.sent <= self.acknowledged or now - self.last_sent_at < patience:
+            return range(0)
+        self.last_sent_at = now
+        return range(self.acknowledged + 1, self.sent + 1)
+
+
+LATENESS = 0.05
+"""Seconds of lateness that ordinary timers have and that the following demonstrations make up for."""

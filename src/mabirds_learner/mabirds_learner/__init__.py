@@ -1,0 +1,1 @@
+"""The learner node: a thin shell over mabirds_core."""

@@ -1,0 +1,138 @@
+"""Strict mode without ROS: what has arrived, what is missing, and the next update once nothing is.
+
+Iteration numbers decide, never the order of arrival. A learner at iteration n needs its demonstration zeta(n) and
+theta(n), omega(n) of every in-neighbour of E(n); it waits for as long as one is missing.
+"""
+
+from collections import defaultdict
+from collections.abc import Mapping
+
+import numpy as np
+
+from mabirds_core.algorithm import Learner, Parameters, Update
+from mabirds_core.errors import ScheduleError
+from mabirds_core.games.interface import Trajectories
+from mabirds_core.schedule import smallest_window
+from mabirds_msgs_py.conversion import RefusedMessageError
+
+DEMONSTRATION = "demonstration"
+
+
+class StrictSession:
+    """One learner's side of the exchange.
+
+    ``iterations``: updates to make. ``demonstration_history``, ``parameter_history``: how many iterations ahead
+    messages are kept. Raises ScheduleError where the schedule lets neighbours run further ahead than that.
+    """
+
+    def __init__(
+        self, learner: Learner, iterations: int, demonstration_history: int, parameter_history: int
+    ) -> None:
+        self.learner = learner
+        self.state = learner.initial_state()
+        self.mixed_from: list[str] = []
+        self._iterations = iterations
+        self._demonstration_history = demonstration_history
+        self._parameter_history = parameter_history
+        self._demonstrations: dict[int, Trajectories] = {}
+        self._parameters: defaultdict[int, dict[int, Parameters]] = defaultdict(dict)
+        self._own: dict[int, Parameters] = {self.state.iteration: self.state.parameters}
+        self._require_history()
+
+    def _require_history(self) -> None:
+        """Within B iterations everybody hears from everybody over at most N - 1 steps, so none is further ahead."""
+        schedule = self.learner.schedule
+        lead = smallest_window(schedule) * max(1, len(schedule.learners) - 1) + 1
+        if self._parameter_history < lead:
+            raise ScheduleError(
+                f"parameter_history {self._parameter_history}: with this schedule a neighbour may be {lead}"
+                f" iterations ahead; set at least {lead}"
+            )
+
+    @property
+    def iteration(self) -> int:
+        """n: theta(n), omega(n) are the current estimates."""
+        return self.state.iteration
+
+    @property
+    def finished(self) -> bool:
+        """Are all updates made?"""
+        return self.iteration > self._iterations
+
+    @property
+    def backlog(self) -> int:
+        """Demonstrations that arrived and are not learned yet."""
+        return len(self._demonstrations)
+
+    @property
+    def missing_demonstration(self) -> bool:
+        """Is zeta(n) still to come?"""
+        return not self.finished and self.iteration not in self._demonstrations
+
+    def missing_neighbours(self) -> list[int]:
+        """In-neighbours of E(n) whose parameters of iteration n are still to come."""
+        if self.finished:
+            return []
+        scheduled = self.learner.schedule.in_neighbours(self.learner.index, self.iteration)
+        return [u for u in scheduled if self.iteration not in self._parameters[u]]
+
+    def waiting_for(self) -> list[str]:
+        """Names of what is missing for the next update; empty when it can be made."""
+        names = [self.learner.schedule.learners[u] for u in self.missing_neighbours()]
+        return ([DEMONSTRATION] if self.missing_demonstration else []) + names
+
+    @property
+    def ready(self) -> bool:
+        """Can the next update be made?"""
+        return not (self.finished or self.missing_demonstration or self.missing_neighbours())
+
+    def receive_demonstration(self, iteration: int, trajectory: Trajectories) -> None:
+        """Keep zeta(iteration). Raises RefusedMessageError where it is old, known, or too far ahead."""
+        self._accept(iteration, self._demonstrations, self._demonstration_history)
+        self._demonstrations[iteration] = trajectory
+
+    def receive_parameters(self, neighbour: int, iteration: int, parameters: Parameters) -> None:
+        """Keep a neighbour's theta, omega. Raises RefusedMessageError where they are old, known, or too far ahead."""
+        self._accept(iteration, self._parameters[neighbour], self._parameter_history)
+        self._parameters[neighbour][iteration] = parameters
+
+    def _accept(self, iteration: int, known: Mapping[int, object], history: int) -> None:
+        if iteration < self.iteration:
+            raise RefusedMessageError("old_iteration", f"iteration {iteration}, expected {self.iteration} or later")
+        if iteration in known:
+            raise RefusedMessageError("duplicate", f"iteration {iteration} has arrived before")
+        if iteration >= self.iteration + history:
+            raise RefusedMessageError(
+                "future_iteration", f"iteration {iteration}, expected less than {self.iteration + history}"
+            )
+
+    def step(self) -> Update:
+        """Make update n; only when ``ready``."""
+        n = self.iteration
+        scheduled = self.learner.schedule.in_neighbours(self.learner.index, n)
+        neighbours = {u: self._parameters[u][n] for u in scheduled}
+        update = self.learner.update(self.state, self._demonstrations[n], neighbours)
+        self.state = update.state
+        self.mixed_from = [self.learner.schedule.learners[u] for u in scheduled]
+        self._forget(n)
+        return update
+
+    def _forget(self, iteration: int) -> None:
+        """Drop what served update n, and own parameters that nobody can ask for any more."""
+        del self._demonstrations[iteration]
+        for known in self._parameters.values():
+            known.pop(iteration, None)
+        self._own[self.iteration] = self.state.parameters
+        self._own.pop(self.iteration - self._parameter_history, None)
+
+    def own_parameters(self, iteration: int) -> Parameters | None:
+        """theta(iteration), omega(iteration) of this learner, for a neighbour that missed them."""
+        return self._own.get(iteration)
+
+
+def norms(parameters: Parameters, prefix: str = "") -> dict[str, float]:
+    """Euclidean norms by name, for status messages."""
+    return {
+        f"{prefix}theta_norm": float(np.sqrt((parameters.theta**2).sum())),
+        f"{prefix}omega_norm": float(np.sqrt((parameters.omega**2).sum())),
+    }

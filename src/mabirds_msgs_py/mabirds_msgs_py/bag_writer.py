@@ -1,0 +1,130 @@
+"""Writing rosbag2 directories (metadata.yaml version 9, MCAP, CDR, ros2msg schemas), with every checksum on.
+
+Stock ``ros2 bag`` and Foxglove open them. The metadata file is written last, so that a directory with one is whole.
+"""
+
+import shutil
+from collections import Counter
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import yaml
+from mcap.writer import CompressionType, Writer
+from rclpy.serialization import serialize_message
+
+from mabirds_msgs_py.errors import BagError
+from mabirds_msgs_py.interfaces import definition, type_hash, type_name
+
+QOS_LATCHED = """- history: keep_last
+  depth: 256
+  reliability: reliable
+  durability: transient_local
+  deadline: {sec: 9223372036, nsec: 854775807}
+  lifespan: {sec: 9223372036, nsec: 854775807}
+  liveliness: automatic
+  liveliness_lease_duration: {sec: 9223372036, nsec: 854775807}
+  avoid_ros_namespace_conventions: false
+"""
+
+
+class _PlainDumper(yaml.SafeDumper):
+    """YAML without anchors: values that stand twice are written twice, as rosbag2 does."""
+
+    def ignore_aliases(self, data: Any) -> bool:  # noqa: ARG002 - never an alias
+        return True
+
+
+class BagWriter:
+    """One bag, as a context manager. ``write`` takes messages of any ROS type in the order of their time.
+
+    Raises BagError where the directory exists already.
+    """
+
+    def __init__(self, directory: Path) -> None:
+        if directory.exists():
+            raise BagError(f"{directory}: exists already; name another directory, or remove it first")
+        directory.mkdir(parents=True)
+        self._directory = directory
+        self._file = directory / f"{directory.name}_0.mcap"
+        self._stream = self._file.open("xb")
+        self._writer = Writer(self._stream, compression=CompressionType.ZSTD, enable_data_crcs=True)
+        self._writer.start(profile="ros2", library=f"mabirds-{version('mabirds-msgs-py')}")
+        self._channels: dict[str, tuple[int, type]] = {}
+        self._counts: Counter[str] = Counter()
+        self._times: list[int] = []
+
+    def __enter__(self) -> "BagWriter":
+        return self
+
+    def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
+        """Finish the bag; after an error remove it, since half a recording is none."""
+        if error is None:
+            self.close()
+        else:
+            self._stream.close()
+            shutil.rmtree(self._directory)
+
+    def write(self, topic: str, message: Any, time: int) -> None:
+        """Append ``message`` at ``time`` (nanoseconds since the epoch)."""
+        if topic not in self._channels:
+            self._channels[topic] = (self._register(topic, type(message)), type(message))
+        channel = self._channels[topic][0]
+        self._writer.add_message(
+            channel_id=channel,
+            log_time=time,
+            publish_time=time,
+            sequence=self._counts[topic],
+            data=serialize_message(message),
+        )
+        self._counts[topic] += 1
+        self._times = [min([time, *self._times]), max([time, *self._times])]
+
+    def _register(self, topic: str, message_type: type) -> int:
+        schema = self._writer.register_schema(
+            name=type_name(message_type), encoding="ros2msg", data=definition(message_type).encode()
+        )
+        return self._writer.register_channel(
+            topic=topic,
+            message_encoding="cdr",
+            schema_id=schema,
+            metadata={"offered_qos_profiles": QOS_LATCHED, "topic_type_hash": type_hash(message_type)},
+        )
+
+    def close(self) -> None:
+        """Finish the file, then write the metadata that makes the directory a bag."""
+        self._writer.finish()
+        self._stream.close()
+        text = yaml.dump({"rosbag2_bagfile_information": self._information()}, Dumper=_PlainDumper, sort_keys=False)
+        (self._directory / "metadata.yaml").write_text(text, encoding="utf-8")
+
+    def _information(self) -> dict[str, Any]:
+        start, end = self._times or (0, 0)
+        span = {"duration": {"nanoseconds": end - start}, "starting_time": {"nanoseconds_since_epoch": start}}
+        total = sum(self._counts.values())
+        return {
+            "version": 9,
+            "storage_identifier": "mcap",
+            **span,
+            "message_count": total,
+            "topics_with_message_count": [self._topic(name) for name in self._channels],
+            "compression_format": "",
+            "compression_mode": "",
+            "relative_file_paths": [self._file.name],
+            "files": [{"path": self._file.name, **dict(reversed(span.items())), "message_count": total}],
+            "custom_data": None,
+            "ros_distro": "jazzy",
+        }
+
+    def _topic(self, name: str) -> dict[str, Any]:
+        message_type = self._channels[name][1]
+        return {
+            "topic_metadata": {
+                "name": name,
+                "type": type_name(message_type),
+                "serialization_format": "cdr",
+                "offered_qos_profiles": yaml.safe_load(QOS_LATCHED),
+                "type_description_hash": type_hash(message_type),
+            },
+            "message_count": self._counts[name],
+        }
