@@ -1,0 +1,86 @@
+"""Fixtures for all tests: small experiments with their bags, and ROS contexts in domains of their own."""
+
+import itertools
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import rclpy
+import yaml
+from rclpy.context import Context
+
+from mabirds_core.experiment import Experiment, load_experiment
+from mabirds_expert_player.recorder import record
+from mabirds_msgs_py.environment import prepare_environment
+
+prepare_environment()
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+PATROL = REPOSITORY / "ros_ws" / "config" / "patrol.yaml"
+
+# Domains 1 to 101 are safe on Linux. Tests of several processes at once start at different places.
+_domains = itertools.cycle(range(1 + os.getpid() % 100, 102))
+
+MakeExperiment = Callable[..., Path]
+
+
+@pytest.fixture(autouse=True)
+def ros_domain(monkeypatch: pytest.MonkeyPatch) -> int:
+    """A ROS domain that no other test uses, for this process and its children."""
+    domain = next(_domains)
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    return domain
+
+
+@pytest.fixture
+def context(ros_domain: int) -> Iterator[Context]:
+    """An initialised ROS context, shut down afterwards."""
+    own = Context()
+    rclpy.init(args=[], context=own, domain_id=ros_domain)
+    yield own
+    rclpy.try_shutdown(context=own)
+
+
+def settings(learners: int = 2, iterations: int = 6, schedule: dict[str, Any] | None = None) -> dict[str, Any]:
+    """The settings of a small patrol experiment: a 3x4 ring, two experts that swap corners."""
+    return {
+        "name": "small",
+        "game": {
+            "kind": "patrol",
+            "map": "....\n.##.\n....",
+            "starts": [[[0, 0], [2, 3]]],
+            "goals": [[2, 3], [0, 0]],
+            "horizon": 7,
+        },
+        "algorithm": {"steps": {"alpha": 8.0, "beta": 4.0}, "rollouts": 20},
+        "learners": [f"learner_{number + 1}" for number in range(learners)],
+        "schedule": schedule or {"kind": "static"},
+        "demonstrations": {"bag": "bag", "per_learner": iterations, "period": 1.0},
+        "iterations": iterations,
+        "seed": 3,
+        "constraint_threshold": 0.1,
+    }
+
+
+@pytest.fixture
+def make_experiment(tmp_path: Path) -> MakeExperiment:
+    """A function that writes an experiment file and its bag; keywords of ``settings``, or ``change``: keys to set."""
+
+    def make(change: dict[str, Any] | None = None, name: str = "experiment", **keywords: Any) -> Path:
+        file = tmp_path / name / "experiment.yaml"
+        file.parent.mkdir()
+        file.write_text(yaml.safe_dump({**settings(**keywords), **(change or {})}), encoding="utf-8")
+        experiment = load_experiment(file)
+        record(experiment, experiment.demonstrations.bag)
+        return file
+
+    return make
+
+
+@pytest.fixture
+def experiment(make_experiment: MakeExperiment) -> Experiment:
+    """The small experiment, loaded."""
+    return load_experiment(make_experiment())

@@ -1,0 +1,137 @@
+"""Strict mode without ROS: iteration numbers decide, never arrival order."""
+
+import random
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from mabirds_core.algorithm import Parameters
+from mabirds_core.assembly import build_game, build_learner
+from mabirds_core.errors import ScheduleError
+from mabirds_core.experiment import Experiment, load_experiment
+from mabirds_core.games.interface import Trajectories
+from mabirds_core.simulate import simulate
+from mabirds_learner.session import DEMONSTRATION, StrictSession
+from mabirds_msgs_py.bag_reader import DemonstrationBag
+from mabirds_msgs_py.conversion import RefusedMessageError
+
+SLOTS = {"kind": "slots", "slots": [[["learner_1", "learner_2"], ["learner_2", "learner_1"]], []]}
+
+
+def session(experiment: Experiment, name: str = "learner_1", history: int = 64) -> StrictSession:
+    return StrictSession(build_learner(experiment, name), experiment.iterations, 10, history)
+
+
+def demonstrations(experiment: Experiment) -> dict[str, list[Trajectories]]:
+    bag = DemonstrationBag(experiment.demonstrations.bag, build_game(experiment), experiment.learners)
+    return {name: list(bag.trajectories(name)) for name in experiment.learners}
+
+
+def messages(experiment: Experiment) -> Iterator[tuple[str, int, object]]:
+    """Everything that learner_1 will ever receive: (kind, iteration, content)."""
+    streams = demonstrations(experiment)
+    history = simulate(experiment, streams)
+    for iteration in range(1, experiment.iterations + 1):
+        yield DEMONSTRATION, iteration, streams["learner_1"][iteration - 1]
+        yield "learner_2", iteration, history["learner_2"][iteration - 1]
+
+
+def deliver(target: StrictSession, kind: str, iteration: int, content: object) -> None:
+    if kind == DEMONSTRATION:
+        assert isinstance(content, Trajectories)
+        target.receive_demonstration(iteration, content)
+    else:
+        assert isinstance(content, Parameters)
+        target.receive_parameters(1, iteration, content)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_any_order_of_arrival_gives_the_same_bits(experiment: Experiment, seed: int) -> None:
+    expected = simulate(experiment, demonstrations(experiment))["learner_1"]
+    target, everything = session(experiment), list(messages(experiment))
+    random.Random(seed).shuffle(everything)
+    found = [target.state.parameters]
+    for message in everything:
+        deliver(target, *message)
+        while target.ready:
+            target.step()
+            found.append(target.state.parameters)
+    assert target.finished
+    for one, other in zip(found, expected, strict=True):
+        assert one.theta.tobytes() == other.theta.tobytes()
+        assert one.omega.tobytes() == other.omega.tobytes()
+
+
+def test_it_waits_for_demonstration_and_neighbour_by_name(experiment: Experiment) -> None:
+    target, (first, second, *_) = session(experiment), list(messages(experiment))
+    assert target.waiting_for() == [DEMONSTRATION, "learner_2"]
+    deliver(target, *first)
+    assert target.waiting_for() == ["learner_2"]
+    assert not target.ready
+    deliver(target, *second)
+    assert target.waiting_for() == []
+    assert target.ready
+
+
+def test_a_closed_edge_is_neither_waited_for_nor_mixed(make_experiment) -> None:  # type: ignore[no-untyped-def]
+    experiment = load_experiment(make_experiment(schedule=SLOTS))
+    target = session(experiment)
+    for message in messages(experiment):
+        deliver(target, *message)
+    mixed = []
+    while target.ready:
+        target.step()
+        mixed.append(target.mixed_from)
+    assert mixed == [["learner_2"], []] * (experiment.iterations // 2)
+
+
+def test_parameters_that_arrive_for_a_closed_edge_change_nothing(make_experiment) -> None:  # type: ignore[no-untyped-def]
+    experiment = load_experiment(make_experiment(schedule=SLOTS))
+    targets = session(experiment), session(experiment)
+    for index, target in enumerate(targets):
+        for kind, iteration, content in list(messages(experiment))[:4]:
+            closed = kind == "learner_2" and iteration == 2
+            if closed and isinstance(content, Parameters):
+                content = Parameters(content.theta + index * 1e6, content.omega)
+            deliver(target, kind, iteration, content)
+        while target.ready:
+            target.step()
+    assert targets[0].iteration == 3
+    assert targets[0].state.parameters.theta.tobytes() == targets[1].state.parameters.theta.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("iteration", "reason"), [(0, "old_iteration"), (1, "old_iteration"), (2, "duplicate"), (12, "future_iteration")]
+)
+def test_what_does_not_fit_is_refused_by_name(experiment: Experiment, iteration: int, reason: str) -> None:
+    target, streams = session(experiment), demonstrations(experiment)["learner_1"]
+    for message in list(messages(experiment))[:2]:
+        deliver(target, *message)
+    target.step()
+    target.receive_demonstration(2, streams[1])
+    with pytest.raises(RefusedMessageError) as refused:
+        target.receive_demonstration(iteration, streams[1])
+    assert refused.value.reason == reason
+    assert target.backlog == 1
+
+
+def test_a_history_shorter_than_a_neighbours_lead_is_refused(experiment: Experiment) -> None:
+    with pytest.raises(ScheduleError, match="parameter_history 1: .* set at least 2"):
+        session(experiment, history=1)
+
+
+def test_own_parameters_are_kept_for_neighbours_that_ask_again(experiment: Experiment) -> None:
+    target = session(experiment, history=3)
+    states = {1: target.state.parameters}
+    for message in messages(experiment):
+        deliver(target, *message)
+        while target.ready:
+            target.step()
+            states[target.iteration] = target.state.parameters
+    newest = experiment.iterations + 1
+    for iteration in (newest, newest - 1, newest - 2):
+        kept = target.own_parameters(iteration)
+        assert kept is not None
+        assert np.array_equal(kept.theta, states[iteration].theta)
+    assert target.own_parameters(newest - 3) is None
