@@ -1,0 +1,96 @@
+"""Learner and player nodes together: on both executors in one process, and as processes, bit for bit as in process."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rclpy.context import Context
+from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
+
+from mabirds_bringup.monitor import MonitorNode
+from mabirds_bringup.network import PLAYER, Network
+from mabirds_bringup.verbs.simulate import simulate_from_bag
+from mabirds_core.algorithm import Parameters
+from mabirds_core.experiment import load_experiment
+from mabirds_core.simulate import History
+from mabirds_msgs.msg import LearnerStatus
+from mabirds_msgs_py.bag_writer import BagWriter
+from mabirds_msgs_py.qos import latched
+
+PATROL = Path(__file__).resolve().parents[2] / "ros_ws" / "config" / "patrol.yaml"
+RING = [["learner_1", "learner_2"], ["learner_2", "learner_3"], ["learner_3", "learner_1"]]
+SCHEDULES: dict[str, dict[str, Any]] = {
+    "static": {"learners": 2, "schedule": {"kind": "static"}},
+    "alternating": {"learners": 4, "schedule": {"kind": "alternating"}},
+    "directed ring": {"learners": 3, "schedule": {"kind": "slots", "slots": [RING, []]}},
+}
+
+
+def bits(parameters: Parameters) -> tuple[bytes, bytes]:
+    return parameters.theta.tobytes(), parameters.omega.tobytes()
+
+
+def assert_same_bits(found: History, expected: History) -> None:
+    """Every learner, every iteration, every bit of theta and omega."""
+    assert found.keys() == expected.keys()
+    for name, reference in expected.items():
+        assert len(found[name]) == len(reference)
+        for iteration, (one, other) in enumerate(zip(found[name], reference, strict=True), start=1):
+            assert bits(one) == bits(other), f"{name} differs at iteration {iteration}"
+
+
+@pytest.mark.parametrize("executor_type", [SingleThreadedExecutor, MultiThreadedExecutor])
+@pytest.mark.parametrize("schedule", SCHEDULES)
+def test_nodes_in_one_process_equal_the_reference(
+    make_experiment: Callable[..., Path],
+    nodes: Any,
+    context: Context,
+    tmp_path: Path,
+    executor_type: type[Executor],
+    schedule: str,
+) -> None:
+    file = make_experiment(iterations=8, **SCHEDULES[schedule])
+    experiment = load_experiment(file)
+    nodes.executor = executor_type(context=context)
+    with BagWriter(tmp_path / "recording") as recording:
+        monitor = nodes.add(MonitorNode(experiment, recording, context=context))
+        for name in experiment.learners:
+            nodes.learner(file, name)
+        nodes.player(file, hz=50.0)
+        nodes.spin_until(lambda: monitor.finished)
+    assert_same_bits(monitor.history(), simulate_from_bag(experiment))
+
+
+@pytest.mark.parametrize(
+    ("rate", "reverse"), [(4.0, False), (40.0, False), (40.0, True)], ids=["4x", "40x", "reversed start"]
+)
+def test_patrol_as_processes_equals_the_reference(tmp_path: Path, rate: float, reverse: bool) -> None:
+    """The shipped experiment: at one rate, at ten times that rate, and started in the opposite order."""
+    experiment = load_experiment(PATROL)
+    order = [*experiment.learners, PLAYER][:: -1 if reverse else 1]
+    (tmp_path / "logs").mkdir()
+    history = Network(experiment, PATROL, tmp_path, {"rate": rate}, order).run()
+    assert len(history["learner_1"]) == experiment.iterations + 1
+    assert_same_bits(history, simulate_from_bag(experiment))
+
+
+def test_mixing_follows_the_schedule_at_every_iteration(
+    make_experiment: Callable[..., Path], nodes: Any
+) -> None:
+    """The delivered graph, as the learners' statuses tell it, is the scheduled one: closed edges carry nothing."""
+    file = make_experiment(iterations=6, **SCHEDULES["directed ring"])
+    learners, delivered = load_experiment(file).learners, dict[tuple[str, int], list[str]]()
+
+    def on_status(status: LearnerStatus) -> None:
+        if status.iteration > 1:
+            delivered[status.learner, status.iteration - 1] = list(status.mixed_from)
+
+    watcher = nodes.plain()
+    for name in learners:
+        watcher.create_subscription(LearnerStatus, f"/{name}/status", on_status, latched(100))
+        nodes.learner(file, name)
+    nodes.player(file, hz=20.0)
+    nodes.spin_until(lambda: len(delivered) == 3 * 6)
+    sender = {"learner_1": "learner_3", "learner_2": "learner_1", "learner_3": "learner_2"}
+    assert delivered == {(name, n): [sender[name]] if n % 2 else [] for name in learners for n in range(1, 7)}
