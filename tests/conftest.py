@@ -3,6 +3,7 @@
 import itertools
 import os
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,10 @@ import rclpy
 import yaml
 from rclpy.context import Context
 
+from mabirds_core.assembly import build_game
 from mabirds_core.experiment import Experiment, load_experiment
 from mabirds_expert_player.recorder import record
+from mabirds_msgs_py.bag_reader import DemonstrationBag
 from mabirds_msgs_py.environment import prepare_environment
 
 prepare_environment()
@@ -78,6 +81,21 @@ def make_experiment(tmp_path: Path) -> MakeExperiment:
         return file
 
     return make
+
+
+OpenBag = Callable[..., DemonstrationBag]
+
+
+@pytest.fixture
+def open_bag() -> Iterator[OpenBag]:
+    """A function that opens an experiment's bag, or another one of the same experiment; closed at the end."""
+    with ExitStack() as bags:
+
+        def open_one(experiment: Experiment, directory: Path | None = None) -> DemonstrationBag:
+            place = directory or experiment.demonstrations.bag
+            return bags.enter_context(DemonstrationBag(place, build_game(experiment), experiment.learners))
+
+        yield open_one
 
 
 @pytest.fixture

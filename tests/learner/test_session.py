@@ -1,7 +1,8 @@
 """Strict mode without ROS: iteration numbers decide, never arrival order."""
 
 import random
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,8 +25,8 @@ def session(experiment: Experiment, name: str = "learner_1", history: int = 64) 
 
 
 def demonstrations(experiment: Experiment) -> dict[str, list[Trajectories]]:
-    bag = DemonstrationBag(experiment.demonstrations.bag, build_game(experiment), experiment.learners)
-    return {name: list(bag.trajectories(name)) for name in experiment.learners}
+    with DemonstrationBag(experiment.demonstrations.bag, build_game(experiment), experiment.learners) as bag:
+        return {name: list(bag.trajectories(name)) for name in experiment.learners}
 
 
 def messages(experiment: Experiment) -> Iterator[tuple[str, int, object]]:
@@ -74,7 +75,7 @@ def test_it_waits_for_demonstration_and_neighbour_by_name(experiment: Experiment
     assert target.ready
 
 
-def test_a_closed_edge_is_neither_waited_for_nor_mixed(make_experiment) -> None:  # type: ignore[no-untyped-def]
+def test_a_closed_edge_is_neither_waited_for_nor_mixed(make_experiment: Callable[..., Path]) -> None:
     experiment = load_experiment(make_experiment(schedule=SLOTS))
     target = session(experiment)
     for message in messages(experiment):
@@ -86,15 +87,14 @@ def test_a_closed_edge_is_neither_waited_for_nor_mixed(make_experiment) -> None:
     assert mixed == [["learner_2"], []] * (experiment.iterations // 2)
 
 
-def test_parameters_that_arrive_for_a_closed_edge_change_nothing(make_experiment) -> None:  # type: ignore[no-untyped-def]
+def test_parameters_that_arrive_for_a_closed_edge_change_nothing(make_experiment: Callable[..., Path]) -> None:
     experiment = load_experiment(make_experiment(schedule=SLOTS))
     targets = session(experiment), session(experiment)
     for index, target in enumerate(targets):
         for kind, iteration, content in list(messages(experiment))[:4]:
-            closed = kind == "learner_2" and iteration == 2
-            if closed and isinstance(content, Parameters):
-                content = Parameters(content.theta + index * 1e6, content.omega)
-            deliver(target, kind, iteration, content)
+            closed = isinstance(content, Parameters) and iteration == 2
+            spoiled = Parameters(content.theta + index * 1e6, content.omega) if closed else content
+            deliver(target, kind, iteration, spoiled)
         while target.ready:
             target.step()
     assert targets[0].iteration == 3

@@ -6,15 +6,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mabirds_msgs.msg import Demonstration
+from mabirds_msgs.msg import EdgeSchedule as EdgeScheduleMessage
+from mabirds_msgs.msg import Parameters as ParametersMessage
 from rclpy.serialization import deserialize_message, serialize_message
 
 from mabirds_core.algorithm import Parameters
 from mabirds_core.assembly import build_game
 from mabirds_core.experiment import Experiment
 from mabirds_core.schedule import EdgeSchedule
-from mabirds_msgs.msg import Demonstration
-from mabirds_msgs.msg import EdgeSchedule as EdgeScheduleMessage
-from mabirds_msgs.msg import Parameters as ParametersMessage
 from mabirds_msgs_py.bag_reader import DemonstrationBag
 from mabirds_msgs_py.conversion import (
     RefusedMessageError,
@@ -81,8 +81,8 @@ def test_unfit_parameters_are_refused(spoil: Callable[[Any], None], reason: str,
 
 @pytest.fixture
 def demonstration(experiment: Experiment) -> Demonstration:
-    bag = DemonstrationBag(experiment.demonstrations.bag, build_game(experiment), experiment.learners)
-    return bag.message("learner_1", 2)
+    with DemonstrationBag(experiment.demonstrations.bag, build_game(experiment), experiment.learners) as bag:
+        return bag.message("learner_1", 2)
 
 
 def test_demonstrations_survive(experiment: Experiment, demonstration: Demonstration) -> None:

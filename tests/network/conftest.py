@@ -24,9 +24,11 @@ class Nodes:
 
     def __init__(self, context: Context, executor: Executor) -> None:
         self.context, self.executor = context, executor
+        self.all: list[Node] = []
 
     def add(self, node: Node) -> Node:
         self.executor.add_node(node)
+        self.all.append(node)
         return node
 
     def learner(self, file: Path, name: str, **parameters: Any) -> LearnerNode:
@@ -69,8 +71,11 @@ def overrides_of(**parameters: Any) -> list[Parameter]:
 def nodes(context: Context) -> Iterator[Nodes]:
     """Nodes on a SingleThreadedExecutor."""
     executor = SingleThreadedExecutor(context=context)
-    yield Nodes(context, executor)
-    executor.shutdown(timeout_sec=5)
+    made = Nodes(context, executor)
+    yield made
+    made.executor.shutdown(timeout_sec=5)
+    for node in made.all:
+        node.destroy_node()
 
 
 @pytest.fixture

@@ -54,6 +54,7 @@ def test_a_learner_subscribes_to_nothing_else(graph: Any) -> None:
 
 def test_the_types_on_the_wire_are_the_installed_ones(graph: Any) -> None:
     from mabirds_msgs.msg import Parameters
+
     from mabirds_msgs_py.interfaces import type_hash
 
     (publisher,) = graph.get_publishers_info_by_topic("/learner_1/parameters")

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from mabirds_msgs.msg import LearnerStatus
 from rclpy.context import Context
 from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
 
@@ -14,7 +15,6 @@ from mabirds_bringup.verbs.simulate import simulate_from_bag
 from mabirds_core.algorithm import Parameters
 from mabirds_core.experiment import load_experiment
 from mabirds_core.simulate import History
-from mabirds_msgs.msg import LearnerStatus
 from mabirds_msgs_py.bag_writer import BagWriter
 from mabirds_msgs_py.qos import latched
 
@@ -75,9 +75,7 @@ def test_patrol_as_processes_equals_the_reference(tmp_path: Path, rate: float, r
     assert_same_bits(history, simulate_from_bag(experiment))
 
 
-def test_mixing_follows_the_schedule_at_every_iteration(
-    make_experiment: Callable[..., Path], nodes: Any
-) -> None:
+def test_mixing_follows_the_schedule_at_every_iteration(make_experiment: Callable[..., Path], nodes: Any) -> None:
     """The delivered graph, as the learners' statuses tell it, is the scheduled one: closed edges carry nothing."""
     file = make_experiment(iterations=6, **SCHEDULES["directed ring"])
     learners, delivered = load_experiment(file).learners, dict[tuple[str, int], list[str]]()

@@ -2,7 +2,6 @@
 
 import sys
 
-
 import typer
 from typer.exceptions import TyperException
 
@@ -18,7 +17,6 @@ from mabirds_core.errors import MabirdsError
 from mabirds_msgs_py.environment import prepare_environment
 
 app = typer.Typer(
-    no_args_is_help=True,
     pretty_exceptions_enable=False,
     help="Learn what several agents want and what they may not do, from demonstrations that learners never pool.\n\n"
     "Exit codes: 0 finished, 2 bad input, 3 a process died, 4 no learner found, 130 interrupted.",
@@ -32,16 +30,16 @@ def main() -> None:
     """Entry point of ``mabirds``: errors are one message and an exit code, never a traceback."""
     prepare_environment()
     try:
-        sys.exit(app(standalone_mode=False) or exit_codes.FINISHED)
+        code = app(standalone_mode=False) or exit_codes.FINISHED
     except ProcessDiedError as error:
         _fail(str(error), exit_codes.PROCESS_DIED)
     except MabirdsError as error:
         _fail(str(error), exit_codes.BAD_INPUT)
     except TyperException as error:
-        error.show()
-        sys.exit(exit_codes.BAD_INPUT)
-    except (typer.Abort, KeyboardInterrupt):
-        _fail("interrupted; everything was stopped", exit_codes.INTERRUPTED)
+        _fail(f"{error.format_message()} (see --help)", exit_codes.BAD_INPUT)
+    if code == exit_codes.INTERRUPTED:
+        _fail("interrupted; everything was stopped", code)
+    sys.exit(code)
 
 
 def _fail(message: str, code: int) -> None:

@@ -44,8 +44,10 @@ def progress_bar() -> Progress:
 
 def summary_table(summary: dict[str, Any]) -> Table:
     """The summary of a run for the terminal."""
-    table = Table(title=f"{summary['experiment']}: learned constraints are those with -omega > "
-                        f"{summary['constraint_threshold']:g}")
+    table = Table(
+        title=f"{summary['experiment']}: learned constraints are those with -omega > "
+        f"{summary['constraint_threshold']:g}"
+    )
     for column in ("learner", "iterations", "CVR", "SR", "FPR", "FNR", "learned constraints"):
         table.add_column(column, justify="left" if column == "learner" else "right")
     for name, row in summary["learners"].items():

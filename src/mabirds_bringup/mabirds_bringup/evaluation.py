@@ -1,5 +1,4 @@
-"""From the learners' parameters to figures and tables: what every iteration's policy would do, and what it took for a
-constraint."""
+"""From the learners' parameters to numbers: what each policy would do, and what it took for a constraint."""
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -51,9 +50,7 @@ class Evaluation:
         return [row for row in self.rows if row.learner == learner]
 
 
-def evaluate(
-    experiment: Experiment, history: History, on_row: Callable[[], None] = lambda: None
-) -> Evaluation:
+def evaluate(experiment: Experiment, history: History, on_row: Callable[[], None] = lambda: None) -> Evaluation:
     """Evaluate theta(n), omega(n) of all learners and iterations, exactly; ``on_row`` is called after each."""
     game = build_game(experiment)
     learner = build_learner(experiment, experiment.learners[0], game)

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-import matplotlib
+import matplotlib as mpl
 
-matplotlib.use("Agg")
+mpl.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from mabirds_bringup.evaluation import Evaluation
 from mabirds_core.algorithm import Parameters
+from mabirds_core.arrays import weighted_counts
 from mabirds_core.assembly import build_game, build_learner
 from mabirds_core.experiment import Experiment
 from mabirds_core.games.patrol import PatrolGame
@@ -53,7 +54,7 @@ def _visits(experiment: Experiment, game: PatrolGame, name: str, parameters: Par
     policy = build_learner(experiment, name, game).finder.find(*parameters)
     of_state = occupancy_measure(game, policy).sum(axis=1)
     cells = game.cells(np.arange(game.n_states))
-    return np.stack([np.bincount(own, of_state, minlength=game.n_cells) for own in cells])
+    return np.stack([weighted_counts(own, of_state, game.n_cells) for own in cells])
 
 
 def _draw_map(axis: Axes, game: PatrolGame, expert: int, visits: np.ndarray, learned: np.ndarray) -> None:
@@ -83,9 +84,7 @@ def curves_figure(experiment: Experiment, evaluation: Evaluation) -> Figure:
         rows = evaluation.of(name)
         iterations = [row.iteration - 1 for row in rows]
         line = rates.plot(iterations, [row.success_rate for row in rows], label=f"{name} SR")[0]
-        rates.plot(
-            iterations, [row.violation_rate for row in rows], "--", color=line.get_color(), label=f"{name} CVR"
-        )
+        rates.plot(iterations, [row.violation_rate for row in rows], "--", color=line.get_color(), label=f"{name} CVR")
     rates.set(xlabel="demonstrations learned", ylabel="rate", ylim=(-0.02, 1.02))
     rates.legend(fontsize=7)
     distances.plot(evaluation.consensus_theta, label="theta")

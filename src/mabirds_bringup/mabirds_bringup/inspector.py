@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from mabirds_msgs.msg import EdgeSchedule, LearnerStatus, Parameters
 from rclpy.node import Node
 from rclpy.parameter_client import AsyncParameterClient
 
@@ -14,7 +15,6 @@ from mabirds_bringup.live_table import STATES
 from mabirds_core.assembly import build_game
 from mabirds_core.errors import MabirdsError
 from mabirds_core.experiment import load_experiment
-from mabirds_msgs.msg import EdgeSchedule, LearnerStatus, Parameters
 from mabirds_msgs_py import topics
 from mabirds_msgs_py.conversion import arrays
 from mabirds_msgs_py.interfaces import type_name

@@ -1,10 +1,10 @@
 """The table that `mabirds run` shows while it runs: who is where, and who waits for whom."""
 
+from mabirds_msgs.msg import LearnerStatus
 from rich.table import Table
 
 from mabirds_bringup.monitor import MonitorNode
 from mabirds_core.experiment import Experiment
-from mabirds_msgs.msg import LearnerStatus
 
 STATES = {
     LearnerStatus.WAITING_FOR_DEMONSTRATION: "waits for a demonstration",

@@ -4,14 +4,14 @@ from functools import partial
 from itertools import count, takewhile
 from typing import Any
 
+from mabirds_msgs.msg import EdgeSchedule, LearnerStatus
+from mabirds_msgs.msg import Parameters as ParametersMessage
 from rclpy.node import Node
 
 from mabirds_core.algorithm import Parameters
 from mabirds_core.experiment import Experiment
 from mabirds_core.metrics import consensus_distance
 from mabirds_core.simulate import History
-from mabirds_msgs.msg import EdgeSchedule, LearnerStatus
-from mabirds_msgs.msg import Parameters as ParametersMessage
 from mabirds_msgs_py import topics
 from mabirds_msgs_py.bag_writer import BagWriter
 from mabirds_msgs_py.conversion import arrays, nanoseconds
@@ -83,6 +83,5 @@ class MonitorNode(Node):
     def history(self) -> History:
         """theta(n), omega(n) from n = 1 up to the newest without a gap."""
         return {
-            name: list(takewhile(lambda one: one is not None, (known.get(n) for n in count(1))))
-            for name, known in self.parameters.items()
+            name: [known[n] for n in takewhile(known.__contains__, count(1))] for name, known in self.parameters.items()
         }

@@ -1,6 +1,5 @@
 """The operating-system side of a run: one process a node, each in its own process group with its own log."""
 
-import ctypes
 import os
 import signal
 import subprocess
@@ -10,10 +9,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from mabirds_msgs_py.node_main import SUPERVISOR
+
 STOP_PATIENCE = 5.0
 """Seconds between SIGTERM and SIGKILL."""
-
-PR_SET_PDEATHSIG = 1
 
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 """N learners share the machine; arithmetic in several threads would also cost the bit-for-bit equality."""
@@ -49,7 +48,13 @@ def player_command(experiment: Path, parameters: Mapping[str, object]) -> list[s
 def start(name: str, command: Sequence[str], log_directory: Path) -> NodeProcess:
     """Start a node in a process group of its own; its output goes to ``log_directory/name.log``."""
     log = log_directory / f"{name}.log"
-    environment = {**os.environ, **ONE_THREAD, "ROS_LOG_DIR": str(log_directory / "ros"), "PYTHONUNBUFFERED": "1"}
+    environment = {
+        **os.environ,
+        **ONE_THREAD,
+        "ROS_LOG_DIR": str(log_directory / "ros"),
+        "PYTHONUNBUFFERED": "1",
+        SUPERVISOR: str(os.getpid()),
+    }
     with log.open("wb") as output:
         popen = subprocess.Popen(
             command,
@@ -58,15 +63,8 @@ def start(name: str, command: Sequence[str], log_directory: Path) -> NodeProcess
             stderr=subprocess.STDOUT,
             env=environment,
             start_new_session=True,
-            preexec_fn=_end_with_parent,
         )
     return NodeProcess(name, popen, log)
-
-
-def _end_with_parent() -> None:
-    """Ask the kernel for SIGTERM should the supervisor be killed, so that no node is left behind."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
 def stop(processes: Sequence[NodeProcess]) -> None:

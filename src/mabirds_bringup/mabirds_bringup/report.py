@@ -47,7 +47,7 @@ def write_report(directory: Path, summary: dict[str, Any], figures: list[str]) -
     (directory / "report.html").write_text(page, encoding="utf-8")
 
 
-def _number(value: float) -> str:
+def _number(value: Any) -> str:
     return f"{value:.3f}" if isinstance(value, float) else str(value)
 
 

@@ -12,7 +12,7 @@ from mabirds_core.simulate import History
 
 
 def write_results(experiment: Experiment, history: History, directory: Path, seconds: float) -> dict[str, Any]:
-    """Evaluate ``history``; write metrics.csv, the figures, report.html and summary.json; show and return the summary."""
+    """Evaluate ``history``, write metrics.csv, figures, report.html and summary.json; show and return the summary."""
     from mabirds_bringup.figures import save_figures  # matplotlib takes a second to load: not before it is needed
 
     total = sum(len(parameters) for parameters in history.values())

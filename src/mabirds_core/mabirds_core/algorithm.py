@@ -18,14 +18,9 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
+from mabirds_core.arrays import Vector
 from mabirds_core.errors import ScheduleError
-from mabirds_core.games.interface import (
-    ConstrainedMarkovGame,
-    Trajectories,
-    Vector,
-    Visitation,
-    discounted_visitation,
-)
+from mabirds_core.games.interface import ConstrainedMarkovGame, Trajectories, Visitation, discounted_visitation
 from mabirds_core.policies.interface import Expectation, PolicyFinder
 from mabirds_core.rewards import RewardModel
 from mabirds_core.schedule import EdgeSchedule
@@ -34,7 +29,7 @@ from mabirds_core.schedule import EdgeSchedule
 class StepSizes(BaseModel):
     """alpha(n) = alpha / n^eta1 for omega, beta(n) = beta / n^eta2 for theta."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     alpha: float = Field(gt=0, description="abar: first step of omega")
     beta: float = Field(gt=0, description="bbar: first step of theta")
@@ -91,9 +86,7 @@ class Learner:
         theta = self.reward.initial(np.random.default_rng(self.seed))
         return LearnerState(1, Parameters(theta, np.zeros(len(self.game.cost_features.names))), ())
 
-    def update(
-        self, state: LearnerState, demonstration: Trajectories, neighbours: Mapping[int, Parameters]
-    ) -> Update:
+    def update(self, state: LearnerState, demonstration: Trajectories, neighbours: Mapping[int, Parameters]) -> Update:
         """One iteration. ``neighbours`` holds theta(n), omega(n) of exactly the in-neighbours of E(n)."""
         theta, omega = state.parameters
         policy = self.finder.find(theta, omega)

@@ -1,7 +1,6 @@
 """An experiment file: the one typed, validated source of truth for game, algorithm, learners, schedule and bag."""
 
 from collections.abc import Iterator
-from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -12,13 +11,21 @@ from mabirds_core.algorithm import StepSizes
 from mabirds_core.digest import digest
 from mabirds_core.errors import ExperimentError, MabirdsError
 from mabirds_core.games.patrol import PatrolSettings
-from mabirds_core.schedule import EdgeSchedule, alternating_ring, both_ways, complete_edges, ring_edges, static, validate
+from mabirds_core.schedule import (
+    EdgeSchedule,
+    alternating_ring,
+    both_ways,
+    complete_edges,
+    ring_edges,
+    static,
+    validate,
+)
 
 LearnerName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 
 
 class _Settings(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class AlgorithmSettings(_Settings):
@@ -100,7 +107,7 @@ class Experiment(_Settings):
         validate(self.edge_schedule)
         return self
 
-    @cached_property
+    @property
     def edge_schedule(self) -> EdgeSchedule:
         """E(n) for the learners of this experiment."""
         return self.schedule.build(self.learners)
@@ -111,7 +118,7 @@ class Experiment(_Settings):
             raise ExperimentError(f"{learner!r} is none of the learners {list(self.learners)}")
         return self.learners.index(learner)
 
-    @cached_property
+    @property
     def digest(self) -> str:
         """SHA-256 of what decides theta and omega: game, algorithm, learners and seed. Not of the bag's place."""
         content = self.model_dump(mode="json", include={"game", "algorithm", "learners", "seed"})
@@ -123,7 +130,9 @@ def load_experiment(path: Path) -> Experiment:
     try:
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise ExperimentError(f"{path}: cannot be read ({error.strerror}); give the path of an experiment file") from None
+        raise ExperimentError(
+            f"{path}: cannot be read ({error.strerror}); give the path of an experiment file"
+        ) from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ExperimentError(f"{path}: is not YAML: {error}") from None
     if not isinstance(content, dict):

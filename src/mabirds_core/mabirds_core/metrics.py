@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mabirds_core.games.interface import Mask, TabularGame, Trajectories, Vector
+from mabirds_core.arrays import Mask, Vector, weighted_counts
+from mabirds_core.games.interface import TabularGame, Trajectories
 from mabirds_core.policies.interface import Policy
 from mabirds_core.policies.occupancy import occupancy_measure
 
@@ -37,7 +38,7 @@ def exact_imitation(game: TabularGame, policy: Policy) -> Imitation:
     for step in range(game.horizon + 1):
         pairs = clean[:, None] * np.exp(policy.log_probabilities(step, everywhere))
         pairs[game.violation] = 0.0
-        clean = np.bincount(game.successor.ravel(), pairs.ravel(), minlength=game.n_states)
+        clean = weighted_counts(game.successor, pairs, game.n_states)
     return Imitation(max(0.0, 1.0 - float(pairs.sum())), float(pairs[game.goal].sum()))
 
 
@@ -71,4 +72,6 @@ def consensus_distance(vectors: Sequence[Vector]) -> float:
 def policy_distance(game: TabularGame, policies: Sequence[Policy]) -> float:
     """Largest total variation distance between two policies' occupancy measures, in [0, 1]."""
     occupancies = [occupancy_measure(game, policy) for policy in policies]
-    return max((float(np.abs(a - b).sum() / 2) for i, a in enumerate(occupancies) for b in occupancies[:i]), default=0.0)
+    return max(
+        (float(np.abs(a - b).sum() / 2) for i, a in enumerate(occupancies) for b in occupancies[:i]), default=0.0
+    )

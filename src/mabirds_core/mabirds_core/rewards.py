@@ -5,7 +5,8 @@ from typing import Protocol
 
 import numpy as np
 
-from mabirds_core.games.interface import Array, FeatureMap, Vector, Visitation
+from mabirds_core.arrays import Array, Vector
+from mabirds_core.games.interface import FeatureMap, Visitation
 
 
 class RewardModel(Protocol):

@@ -9,9 +9,9 @@ from functools import cached_property
 
 import numpy as np
 
+from mabirds_core.arrays import Array
 from mabirds_core.digest import digest
 from mabirds_core.errors import ScheduleError
-from mabirds_core.games.interface import Array
 from mabirds_core.weights import Edge, doubly_stochastic_weights
 
 TOLERANCE = 1e-12
@@ -90,8 +90,7 @@ def smallest_window(schedule: EdgeSchedule) -> int:
     period, n_learners = len(schedule.slots), len(schedule.learners)
     for window in range(1, period + 1):
         unions = (
-            frozenset().union(*(schedule.slots[(start + k) % period] for k in range(window)))
-            for start in range(period)
+            frozenset().union(*(schedule.slots[(start + k) % period] for k in range(window))) for start in range(period)
         )
         if all(unreachable(n_learners, union) is None for union in unions):
             return window

@@ -25,9 +25,9 @@ def simulate(
     game = build_game(experiment)
     learners = {name: build_learner(experiment, name, game) for name in experiment.learners}
     for name in learners:
-        if len(demonstrations[name]) < experiment.iterations:
+        if (count := len(demonstrations.get(name, ()))) < experiment.iterations:
             raise ExperimentError(
-                f"{name} has {len(demonstrations[name])} demonstrations, expected {experiment.iterations};"
+                f"{name} has {count} demonstrations, expected {experiment.iterations};"
                 " record more, or lower iterations"
             )
     states = {name: learner.initial_state() for name, learner in learners.items()}
@@ -35,7 +35,7 @@ def simulate(
     for iteration in range(1, experiment.iterations + 1):
         known = {learner.index: states[name].parameters for name, learner in learners.items()}
         for name, learner in learners.items():
-            neighbours = {u: known[u] for u in experiment.edge_schedule.in_neighbours(learner.index, iteration)}
+            neighbours = {u: known[u] for u in learner.schedule.in_neighbours(learner.index, iteration)}
             states[name] = learner.update(states[name], demonstrations[name][iteration - 1], neighbours).state
             history[name].append(states[name].parameters)
         on_iteration(iteration)

@@ -12,11 +12,12 @@ An edge on no directed cycle fits no doubly stochastic W and is refused by name.
 
 from collections import deque
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 
 import numpy as np
 
+from mabirds_core.arrays import Array
 from mabirds_core.errors import ScheduleError
-from mabirds_core.games.interface import Array
 
 Edge = tuple[int, int]
 """(sender, receiver), as indices into the list of learners."""
@@ -52,7 +53,7 @@ def _circulation(n_learners: int, edges: list[Edge], names: Sequence[str]) -> Ar
                 f" stochastic weights exist; add a way back from {names[receiver]} to {names[sender]}"
             )
         cycle = [sender, *way_back]
-        for tail, head in zip(cycle[:-1], cycle[1:], strict=True):
+        for tail, head in pairwise(cycle):
             flow[head, tail] += 1
     return flow
 

@@ -2,9 +2,9 @@
 
 Backwards in time, over actions that break no constraint and lead to a state from which none need be broken:
 
-    V_t(s) = max_a task_reward(s, a) + V_{t+1}(successor[s, a]),   V_{T+1} = 0 at the goal, -inf elsewhere
+    V_t(s) = max_a task_reward(s, a) + V_{t+1}(successor[s, a]),   V_T = -inf away from the goal
 
-so an expert demonstration always ends with everybody at the goal, in the least total time.
+so that at step T every expert has arrived, in the least total time.
 """
 
 from collections.abc import Iterator
@@ -14,8 +14,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from mabirds_core.arrays import Array, Indices
 from mabirds_core.errors import InfeasibleError
-from mabirds_core.games.interface import Array, Indices, TabularGame, Trajectories
+from mabirds_core.games.interface import TabularGame, Trajectories
 from mabirds_core.policies.occupancy import rollouts
 
 TIE = 1e-9
@@ -33,9 +34,11 @@ class OptimalExperts:
         """V[t, s], shape (T + 2, S); -inf where no clean way to the goal is left."""
         game = self.game
         values = np.full((game.horizon + 2, game.n_states), -np.inf)
-        values[-1, game.goal] = 0.0
+        values[-1] = 0.0
         for step in range(game.horizon, -1, -1):
             values[step] = self._q(values[step + 1], np.arange(game.n_states)).max(axis=1)
+            if step == game.horizon:
+                values[step, ~game.goal] = -np.inf
         return values
 
     def log_probabilities(self, step: int, states: Indices) -> Array:

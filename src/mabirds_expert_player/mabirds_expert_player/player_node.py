@@ -11,16 +11,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from mabirds_msgs.msg import Demonstration, LearnerStatus
+from mabirds_msgs.srv import PlayNext, Resend
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 
 from mabirds_core.assembly import build_game
-from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment import load_experiment
 from mabirds_expert_player.stream import Stream
-from mabirds_msgs.msg import Demonstration, LearnerStatus
-from mabirds_msgs.srv import PlayNext, Resend
 from mabirds_msgs_py import topics
 from mabirds_msgs_py.bag_reader import DemonstrationBag
 from mabirds_msgs_py.conversion import NANOSECONDS
@@ -31,6 +30,9 @@ from mabirds_msgs_py.ros_parameters import real, text, whole
 
 PATIENCE = 2.0
 """Seconds after which a demonstration that a waiting learner does not acknowledge is sent again."""
+
+IDLE = 3600.0
+"""Seconds between two looks while nothing can become due by itself."""
 
 HISTORY = 256
 """Depth of the demonstration topics: what a late joiner still gets."""
@@ -48,8 +50,9 @@ class ExpertPlayerNode(Node):
         experiment = load_experiment(Path(self._value("experiment")))
         self._game = build_game(experiment)
         directory = Path(self._value("bag") or experiment.demonstrations.bag)
-        self._bag = DemonstrationBag(directory, self._game, experiment.learners)
-        self._streams = {name: self._stream(name, experiment.iterations) for name in experiment.learners}
+        self._bag = DemonstrationBag(directory, self._game, experiment.learners, at_least=experiment.iterations)
+        window = self._value("window")
+        self._streams = {name: Stream(experiment.iterations, window) for name in experiment.learners}
         self._paused = False
         self._held_back: set[str] = set()
         self.done = False
@@ -60,6 +63,11 @@ class ExpertPlayerNode(Node):
         self.create_service(PlayNext, "~/play_next", self._on_play_next)
         self.create_service(Resend, "~/resend", self._on_resend)
         self.get_logger().info(f"{directory}: waiting for {', '.join(self._streams)}")
+
+    def destroy_node(self) -> None:
+        """Close the bag with the node."""
+        self._bag.close()
+        super().destroy_node()
 
     def _declare_parameters(self) -> None:
         self.declare_parameter("experiment", "", text("path of the experiment file (YAML)"))
@@ -72,15 +80,6 @@ class ExpertPlayerNode(Node):
 
     def _value(self, name: str) -> Any:
         return self.get_parameter(name).value
-
-    def _stream(self, learner: str, iterations: int) -> Stream:
-        count = self._bag.count(learner)
-        if count < iterations:
-            raise ExperimentError(
-                f"{learner}: the bag has {count} demonstrations, the experiment learns {iterations};"
-                " record more, or lower iterations"
-            )
-        return Stream(total=iterations, window=self._value("window"))
 
     def _connect(self, learner: str) -> Any:
         self.create_subscription(
@@ -100,6 +99,7 @@ class ExpertPlayerNode(Node):
         stream.acknowledge(status.last_demonstration)
         if status.state == LearnerStatus.WAITING_FOR_DEMONSTRATION:
             for iteration in stream.missing(time.monotonic(), PATIENCE):
+                self.get_logger().warning(f"{learner} still waits for demonstration {iteration}: sending it again")
                 self._publish(learner, iteration)
         self._play()
 
@@ -125,12 +125,13 @@ class ExpertPlayerNode(Node):
         return recorded / NANOSECONDS / self._value("rate")
 
     def _set_timer(self, now: float) -> None:
-        """Wake up when the next demonstration is due; not at all where only a learner's status can open a stream."""
-        waiting = [] if self._paused else [self._due(name) for name, stream in self._streams.items() if stream.open]
-        if not waiting:
-            self._timer.cancel()
-            return
-        self._timer.timer_period_ns = max(1, int((min(waiting) - now) * NANOSECONDS))
+        """Wake up when the next demonstration is due; long after where only a learner's status can open a stream.
+
+        The timer is never cancelled: an executor that has just found it ready would fail to call it.
+        """
+        open_streams = [] if self._paused else [name for name, stream in self._streams.items() if stream.open]
+        pause = min((self._due(name) - now for name in open_streams), default=IDLE)
+        self._timer.timer_period_ns = max(1, int(pause * NANOSECONDS))
         self._timer.reset()
 
     def _publish(self, learner: str, iteration: int) -> None:

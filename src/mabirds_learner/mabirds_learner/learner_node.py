@@ -11,14 +11,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from mabirds_msgs.msg import Demonstration, EdgeSchedule, LearnerStatus
+from mabirds_msgs.msg import Parameters as ParametersMessage
+from mabirds_msgs.srv import FetchParameters
+from rclpy.client import Client
 from rclpy.node import Node
 
 from mabirds_core.assembly import build_learner
 from mabirds_core.experiment import load_experiment
 from mabirds_learner.session import StrictSession, norms
-from mabirds_msgs.msg import Demonstration, EdgeSchedule, LearnerStatus
-from mabirds_msgs.msg import Parameters as ParametersMessage
-from mabirds_msgs.srv import FetchParameters
 from mabirds_msgs_py import topics
 from mabirds_msgs_py.conversion import (
     RefusedMessageError,
@@ -81,7 +82,7 @@ class LearnerNode(Node):
     def _create_inputs(self) -> None:
         history = latched(self._value("demonstration_history"))
         self.create_subscription(Demonstration, topics.DEMONSTRATION, self._on_demonstration, history)
-        self._fetch = {}
+        self._fetch: dict[int, Client] = {}
         for neighbour in self._schedule.ever_in_neighbours(self.session.learner.index):
             self._listen_to(neighbour)
         self.create_service(FetchParameters, topics.FETCH_PARAMETERS, self._on_fetch)
@@ -94,9 +95,7 @@ class LearnerNode(Node):
         topic = f"{self._fleet}{name}/{topics.PARAMETERS}"
         history = latched(self._value("parameter_history"))
         self.create_subscription(ParametersMessage, topic, partial(self._on_parameters, neighbour), history)
-        self._fetch[neighbour] = self.create_client(
-            FetchParameters, f"{self._fleet}{name}/{topics.FETCH_PARAMETERS}"
-        )
+        self._fetch[neighbour] = self.create_client(FetchParameters, f"{self._fleet}{name}/{topics.FETCH_PARAMETERS}")
 
     def _on_demonstration(self, message: Demonstration) -> None:
         try:

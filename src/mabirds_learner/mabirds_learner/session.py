@@ -25,9 +25,7 @@ class StrictSession:
     messages are kept. Raises ScheduleError where the schedule lets neighbours run further ahead than that.
     """
 
-    def __init__(
-        self, learner: Learner, iterations: int, demonstration_history: int, parameter_history: int
-    ) -> None:
+    def __init__(self, learner: Learner, iterations: int, demonstration_history: int, parameter_history: int) -> None:
         self.learner = learner
         self.state = learner.initial_state()
         self.mixed_from: list[str] = []
@@ -73,8 +71,10 @@ class StrictSession:
         """In-neighbours of E(n) whose parameters of iteration n are still to come."""
         if self.finished:
             return []
-        scheduled = self.learner.schedule.in_neighbours(self.learner.index, self.iteration)
-        return [u for u in scheduled if self.iteration not in self._parameters[u]]
+        return [u for u in self._scheduled(self.iteration) if self.iteration not in self._parameters[u]]
+
+    def _scheduled(self, iteration: int) -> list[int]:
+        return self.learner.schedule.in_neighbours(self.learner.index, iteration)
 
     def waiting_for(self) -> list[str]:
         """Names of what is missing for the next update; empty when it can be made."""
@@ -92,7 +92,12 @@ class StrictSession:
         self._demonstrations[iteration] = trajectory
 
     def receive_parameters(self, neighbour: int, iteration: int, parameters: Parameters) -> None:
-        """Keep a neighbour's theta, omega. Raises RefusedMessageError where they are old, known, or too far ahead."""
+        """Keep a neighbour's theta, omega of an iteration at which its edge is open; others are of no use.
+
+        Raises RefusedMessageError where they are old, known, or too far ahead.
+        """
+        if iteration < 1 or neighbour not in self._scheduled(iteration):
+            return
         self._accept(iteration, self._parameters[neighbour], self._parameter_history)
         self._parameters[neighbour][iteration] = parameters
 
@@ -109,11 +114,10 @@ class StrictSession:
     def step(self) -> Update:
         """Make update n; only when ``ready``."""
         n = self.iteration
-        scheduled = self.learner.schedule.in_neighbours(self.learner.index, n)
-        neighbours = {u: self._parameters[u][n] for u in scheduled}
+        neighbours = {u: self._parameters[u][n] for u in self._scheduled(n)}
         update = self.learner.update(self.state, self._demonstrations[n], neighbours)
         self.state = update.state
-        self.mixed_from = [self.learner.schedule.learners[u] for u in scheduled]
+        self.mixed_from = [self.learner.schedule.learners[u] for u in neighbours]
         self._forget(n)
         return update
 

@@ -1,21 +1,23 @@
-"""Reading demonstrations from rosbag2 directories with MCAP files: verified when opened, then read through the index."""
+"""Reading demonstrations from rosbag2 MCAP bags: verified when opened, then read through the index."""
 
 import struct
 import zlib
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, Self, TypeVar
 
 import yaml
-from mcap.stream_reader import CRCValidationError, StreamReader
+from mabirds_msgs.msg import Demonstration
 from mcap.exceptions import McapError
 from mcap.reader import McapReader, make_reader
-from mcap.records import Footer
+from mcap.records import Channel, Footer, Message
+from mcap.stream_reader import CRCValidationError, StreamReader
 from rclpy.serialization import deserialize_message
 from zstandard import ZstdError
 
 from mabirds_core.games.interface import ConstrainedMarkovGame, Trajectories
-from mabirds_msgs.msg import Demonstration
 from mabirds_msgs_py.conversion import RefusedMessageError, read_demonstration
 from mabirds_msgs_py.errors import BagError
 from mabirds_msgs_py.interfaces import type_hash, type_name
@@ -40,13 +42,28 @@ class DemonstrationBag:
     """The demonstrations of several learners in one bag.
 
     Opening reads everything once: checksums, types, iteration numbers 1, 2, ... without a gap, and every
-    transition against the game. Raises BagError naming file, topic and iteration.
+    transition against the game. Raises BagError naming file, topic and iteration; also where a learner has fewer
+    demonstrations than ``at_least``. To be closed, or used in a ``with`` statement.
     """
 
-    def __init__(self, directory: Path, game: ConstrainedMarkovGame, learners: Sequence[str]) -> None:
-        self._game = game
-        self._readers = {file: _open(file) for file in _files(directory)}
-        self._places = {learner: self._index(directory, learner) for learner in learners}
+    def __init__(
+        self, directory: Path, game: ConstrainedMarkovGame, learners: Sequence[str], at_least: int = 1
+    ) -> None:
+        self._game, self._at_least = game, at_least
+        with ExitStack() as files:
+            self._readers = {file: _open(file, files) for file in _files(directory)}
+            self._places = {learner: self._index(directory, learner) for learner in learners}
+            self._open_files = files.pop_all()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the files; nothing can be read afterwards."""
+        self._open_files.close()
 
     def count(self, learner: str) -> int:
         """How many demonstrations the learner has."""
@@ -62,7 +79,9 @@ class DemonstrationBag:
         for message, _ in self._messages(place.file, bag_topic(learner), place.time):
             if message.iteration == iteration:
                 return message
-        raise BagError(f"{place.file}: topic {bag_topic(learner)}: iteration {iteration} has gone since the bag was opened")
+        raise BagError(
+            f"{place.file}: topic {bag_topic(learner)}: iteration {iteration} has gone since the bag was opened"
+        )
 
     def trajectories(self, learner: str) -> Iterator[Trajectories]:
         """All demonstrations of one learner, in order."""
@@ -81,20 +100,22 @@ class DemonstrationBag:
                 except RefusedMessageError as error:
                     raise BagError(f"{where}: {error}") from None
                 places.append(_Place(file, time))
-        if not places:
-            raise BagError(f"{directory}: no demonstrations on topic {topic}; record a bag for these learners")
+        if len(places) < self._at_least:
+            raise BagError(
+                f"{directory}: topic {topic}: {len(places)} demonstrations, expected at least {self._at_least};"
+                " record more for these learners, or learn fewer"
+            )
         return places
 
     def _messages(self, file: Path, topic: str, time: int | None = None) -> Iterator[tuple[Demonstration, int]]:
         """Messages of a topic with their log times; all, or those at one time."""
-        end = None if time is None else time + 1
-        messages = self._readers[file].iter_messages(topics=topic, start_time=time, end_time=end)
+        messages = self._readers[file].iter_messages(topics=topic, starting_at=time, ending_at=time)
         while (found := _guarded(file, lambda: next(messages, None))) is not None:
             schema, channel, message = found
             _check_type(file, topic, schema, channel)
             try:
                 yield deserialize_message(message.data, Demonstration), message.log_time
-            except Exception as error:  # rmw raises its own kinds, by middleware
+            except Exception as error:  # noqa: BLE001 - each middleware raises its own kinds
                 raise BagError(f"{file}: topic {topic}: a message cannot be decoded ({error}); {REMEDY}") from None
 
 
@@ -114,9 +135,10 @@ def _files(directory: Path) -> list[Path]:
     return files
 
 
-def _open(file: Path) -> McapReader:
+def _open(file: Path, files: ExitStack) -> McapReader:
+    """A reader of a verified file, which ``files`` closes."""
     try:
-        stream = file.open("rb")
+        stream = files.enter_context(file.open("rb"))
     except OSError as error:
         raise BagError(f"{file}: cannot be read ({error.strerror})") from None
     _guarded(file, lambda: _verify(file))
@@ -128,7 +150,7 @@ def _verify(file: Path) -> None:
     with file.open("rb") as stream:
         records = StreamReader(stream, validate_crcs=True).records
         # To the very end, past the footer: the closing magic is checked after it.
-        footer = [record for record in records if isinstance(record, Footer)][0]
+        (footer,) = [record for record in records if isinstance(record, Footer)]
         if stream.read(1):
             raise McapError("bytes after the end of the file")
         if footer.summary_start and footer.summary_crc:
@@ -143,7 +165,20 @@ def _guarded(file: Path, read: Callable[[], Result]) -> Result:
     try:
         return read()
     except DAMAGE as error:
-        raise BagError(f"{file}: {error or type(error).__name__}; {REMEDY}") from None
+        raise BagError(f"{file}: {error or type(error).__name__}; {_intact(file)}; {REMEDY}") from None
+
+
+def _intact(file: Path) -> str:
+    """How far a damaged file can be read: the last intact iteration of each topic."""
+    topics, counts = dict[int, str](), Counter[str]()
+    with file.open("rb") as stream, suppress(*DAMAGE):
+        for record in StreamReader(stream, validate_crcs=True).records:
+            if isinstance(record, Channel):
+                topics[record.id] = record.topic
+            elif isinstance(record, Message):
+                counts[topics[record.channel_id]] += 1
+    intact = [f"topic {topic}: iteration {counts[topic]}" for topic in sorted(counts)]
+    return "intact up to " + (", ".join(intact) or "no iteration of any topic")
 
 
 def _check_type(file: Path, topic: str, schema: Any, channel: Any) -> None:

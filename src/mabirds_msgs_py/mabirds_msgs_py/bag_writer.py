@@ -7,7 +7,7 @@ import shutil
 from collections import Counter
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import yaml
 from mcap.writer import CompressionType, Writer
@@ -15,6 +15,9 @@ from rclpy.serialization import serialize_message
 
 from mabirds_msgs_py.errors import BagError
 from mabirds_msgs_py.interfaces import definition, type_hash, type_name
+
+CHUNK_SIZE = 16 * 1024
+"""Bytes; small, since damage anywhere costs a whole chunk."""
 
 QOS_LATCHED = """- history: keep_last
   depth: 256
@@ -48,13 +51,15 @@ class BagWriter:
         self._directory = directory
         self._file = directory / f"{directory.name}_0.mcap"
         self._stream = self._file.open("xb")
-        self._writer = Writer(self._stream, compression=CompressionType.ZSTD, enable_data_crcs=True)
+        self._writer = Writer(
+            self._stream, chunk_size=CHUNK_SIZE, compression=CompressionType.ZSTD, enable_data_crcs=True
+        )
         self._writer.start(profile="ros2", library=f"mabirds-{version('mabirds-msgs-py')}")
         self._channels: dict[str, tuple[int, type]] = {}
         self._counts: Counter[str] = Counter()
         self._times: list[int] = []
 
-    def __enter__(self) -> "BagWriter":
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, error: type[BaseException] | None, *_: object) -> None:

@@ -4,13 +4,15 @@ from array import array
 
 import numpy as np
 from builtin_interfaces.msg import Time
+from mabirds_msgs.msg import Demonstration
+from mabirds_msgs.msg import EdgeSchedule as EdgeScheduleMessage
+from mabirds_msgs.msg import Parameters as ParametersMessage
 from numpy.typing import NDArray
 
 from mabirds_core.algorithm import Parameters
 from mabirds_core.errors import ImpossibleTrajectoryError, MabirdsError
 from mabirds_core.games.interface import ConstrainedMarkovGame, Trajectories
 from mabirds_core.schedule import EdgeSchedule
-from mabirds_msgs.msg import Demonstration, EdgeSchedule as EdgeScheduleMessage, Parameters as ParametersMessage
 
 NANOSECONDS = 1_000_000_000
 
@@ -122,9 +124,7 @@ def _require(reason: str, what: str, given: str, expected: str) -> None:
 def schedule_message(schedule: EdgeSchedule) -> EdgeScheduleMessage:
     """The schedule as a message."""
     edges = [(slot, *edge) for slot, edges in enumerate(schedule.slots) for edge in sorted(edges)]
-    message = EdgeScheduleMessage(
-        digest=schedule.digest, learners=list(schedule.learners), slots=len(schedule.slots)
-    )
+    message = EdgeScheduleMessage(digest=schedule.digest, learners=list(schedule.learners), slots=len(schedule.slots))
     message.edge_slot, message.sender, message.receiver = (
         array("I", [edge[column] for edge in edges]) for column in range(3)
     )

@@ -1,5 +1,8 @@
 """The one way in which a node's process starts, spins and ends."""
 
+import ctypes
+import os
+import signal
 import sys
 from collections.abc import Callable, Sequence
 
@@ -16,6 +19,11 @@ EXIT_BAD_INPUT = 2
 
 BAD_INPUT = (MabirdsError, InvalidParameterTypeException, InvalidParameterValueException, RCLError)
 
+SUPERVISOR = "MABIRDS_SUPERVISOR"
+"""Environment variable: the process id of a parent without which this node should not live on."""
+
+PR_SET_PDEATHSIG = 1
+
 IDLE_WAKE_UP = 1.0
 """Seconds after which the loop looks at rclpy.ok() even if nothing happens."""
 
@@ -27,8 +35,9 @@ def run_node(create: Callable[[], Node], help_text: str, arguments: Sequence[str
     """
     given = sys.argv[1:] if arguments is None else list(arguments)
     if "--help" in given or "-h" in given:
-        print(help_text)
+        print(help_text)  # noqa: T201 - what --help is for
         return EXIT_FINISHED
+    _end_with_supervisor()
     try:
         rclpy.init(args=given)
         node = create()
@@ -36,11 +45,22 @@ def run_node(create: Callable[[], Node], help_text: str, arguments: Sequence[str
         executor.add_node(node)
         while rclpy.ok() and not getattr(node, "done", False):
             executor.spin_once(timeout_sec=IDLE_WAKE_UP)
+        node.destroy_node()
     except BAD_INPUT as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {error}", file=sys.stderr)  # noqa: T201 - there may be no logger yet
         return EXIT_BAD_INPUT
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:
         rclpy.try_shutdown()
     return EXIT_FINISHED
+
+
+def _end_with_supervisor() -> None:
+    """Ask the kernel for SIGTERM should the supervisor be killed, so that no node is left behind."""
+    supervisor = os.environ.get(SUPERVISOR)
+    if supervisor is None or sys.platform != "linux":
+        return
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+    if os.getppid() != int(supervisor):
+        sys.exit("error: the supervisor is gone")

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import typer
 
-from mabirds_bringup.console import guarded_output, print_json, console
+from mabirds_bringup.console import console, guarded_output, print_json
 from mabirds_bringup.verbs.options import ExperimentFile, Json
 from mabirds_core.assembly import build_game
 from mabirds_core.experiment import load_experiment
 from mabirds_msgs_py.bag_reader import DemonstrationBag
 
-bag_app = typer.Typer(no_args_is_help=True, help="Check bags of demonstrations.")
+bag_app = typer.Typer(help="Check bags of demonstrations.")
 
 
 @bag_app.callback()
@@ -31,8 +31,8 @@ def check(
     with guarded_output() as stdout:
         experiment = load_experiment(file)
         directory = bag or experiment.demonstrations.bag
-        found = DemonstrationBag(directory, build_game(experiment), experiment.learners)
-        counts = {name: found.count(name) for name in experiment.learners}
+        with DemonstrationBag(directory, build_game(experiment), experiment.learners) as found:
+            counts = {name: found.count(name) for name in experiment.learners}
         console.print(f"{directory}: whole; " + ", ".join(f"{name} {count}" for name, count in counts.items()))
         if as_json:
             print_json({"bag": str(directory), "demonstrations": counts}, stdout)

@@ -88,7 +88,9 @@ def _status_line(content: dict[str, Any]) -> str:
     waiting = f" ({', '.join(content['waiting_for'])})" if content["waiting_for"] else ""
     dropped = f", dropped {content['dropped']}" if content["dropped"] else ""
     message = f", {content['message']}" if content["message"] else ""
-    return f"iteration {content['iteration']}: {content['state']}{waiting}, backlog {content['backlog']}{dropped}{message}"
+    return (
+        f"iteration {content['iteration']}: {content['state']}{waiting}, backlog {content['backlog']}{dropped}{message}"
+    )
 
 
 def _parameters_line(content: dict[str, Any]) -> str:

@@ -2,7 +2,7 @@
 
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Self
 
 import typer
 from rich.live import Live
@@ -54,7 +54,7 @@ class _Display:
         self._live = Live(console=console, refresh_per_second=4, transient=True) if console.is_terminal else None
         self._last = time.monotonic()
 
-    def __enter__(self) -> "_Display":
+    def __enter__(self) -> Self:
         console.print(f"starting {len(self._experiment.learners)} learners and the expert player")
         if self._live:
             self._live.start()

@@ -32,8 +32,8 @@ def simulate(file: ExperimentFile, out: RunsDirectory = Path("runs"), as_json: J
 
 def simulate_from_bag(experiment: Experiment) -> History:
     """The in-process network on the experiment's own bag, with a bar of progress."""
-    bag = DemonstrationBag(experiment.demonstrations.bag, build_game(experiment), experiment.learners)
-    demonstrations = {name: list(bag.trajectories(name)) for name in experiment.learners}
+    with DemonstrationBag(experiment.demonstrations.bag, build_game(experiment), experiment.learners) as bag:
+        demonstrations = {name: list(bag.trajectories(name)) for name in experiment.learners}
     with progress_bar() as bar:
         task = bar.add_task("learning", total=experiment.iterations)
         return simulate_network(experiment, demonstrations, lambda _: bar.advance(task))

@@ -7,12 +7,8 @@ together: a state and an action are those of all experts at once. Trajectories h
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-Vector = NDArray[np.float64]
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
-Mask = NDArray[np.bool_]
+from mabirds_core.arrays import Array, Indices, Mask, Vector
 
 
 class Trajectories(NamedTuple):

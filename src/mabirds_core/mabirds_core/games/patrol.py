@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
+from mabirds_core.arrays import Array, Indices, Mask, Vector, weighted_counts
 from mabirds_core.digest import digest
 from mabirds_core.errors import ImpossibleTrajectoryError
-from mabirds_core.games.interface import Array, Indices, Mask, Trajectories, Vector
+from mabirds_core.games.interface import Trajectories
 from mabirds_core.games.patrol_features import PatrolCostFeatures, PatrolRewardFeatures
 
 MOVES = np.array([[-1, 0], [0, 1], [1, 0], [0, -1]])
@@ -32,7 +33,7 @@ class PatrolSettings(BaseModel):
     2
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     kind: Literal["patrol"] = "patrol"
     map: str = Field(description="rows of '.' (free) and '#' (obstacle), all of one length")
@@ -66,7 +67,9 @@ class PatrolSettings(BaseModel):
         rows = self.rows
         inside = 0 <= cell[0] < len(rows) and 0 <= cell[1] < len(rows[0])
         if not inside or rows[cell[0]][cell[1]] != ".":
-            raise ValueError(f"cell {cell} as (row, column): expected a free cell of the {len(rows)}x{len(rows[0])} map")
+            raise ValueError(
+                f"cell {cell} as (row, column): expected a free cell of the {len(rows)}x{len(rows[0])} map"
+            )
 
     def _check_probabilities(self) -> None:
         given = self.start_probabilities
@@ -124,7 +127,7 @@ class PatrolGame:
 
     def joint_state(self, cells: NDArray[np.integer]) -> Indices:
         """Inverse of ``cells``."""
-        return np.ravel_multi_index(tuple(cells), (self.n_cells,) * self.n_experts)
+        return np.asarray(np.ravel_multi_index(tuple(cells), (self.n_cells,) * self.n_experts))
 
     @cached_property
     def expert_successor(self) -> Indices:
@@ -191,7 +194,9 @@ class PatrolGame:
     def violation(self) -> Mask:
         """violation[s, a]: an expert on an obstacle, two in one cell, or two swapping."""
         on_obstacle = self.obstacles[self.cells(np.arange(self.n_states))].any(axis=0)
-        return (on_obstacle | (self.sharing > 0))[:, None] | (self.swapping > 0)
+        of_state: Mask = on_obstacle | (self.sharing > 0)
+        violation: Mask = of_state[:, None] | (self.swapping > 0)
+        return violation
 
     @cached_property
     def _arrived(self) -> Mask:
@@ -200,7 +205,7 @@ class PatrolGame:
     @cached_property
     def goal(self) -> Mask:
         """goal[s]: every expert is at its goal."""
-        return self._arrived.all(axis=0)
+        return np.asarray(self._arrived.all(axis=0))
 
     @cached_property
     def task_reward(self) -> Array:
@@ -214,7 +219,7 @@ class PatrolGame:
         starts = [[self.cell_index(cell) for cell in start] for start in self.settings.starts]
         states = self.joint_state(np.array(starts).T)
         weights = self.settings.start_probabilities or [1 / len(starts)] * len(starts)
-        return np.bincount(states, weights=np.asarray(weights), minlength=self.n_states)
+        return weighted_counts(states, np.asarray(weights) / sum(weights), self.n_states)
 
     def encode(self, trajectory: Trajectories) -> tuple[Array, Array]:
         """States as row and column of each expert (T + 1, 2 N_E), actions as each expert's move (T + 1, N_E)."""

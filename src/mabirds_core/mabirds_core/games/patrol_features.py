@@ -4,7 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mabirds_core.games.interface import Array, Vector, Visitation
+from mabirds_core.arrays import Array, Vector, weighted_counts
+from mabirds_core.games.interface import Visitation
 
 if TYPE_CHECKING:
     from mabirds_core.games.patrol import PatrolGame
@@ -28,7 +29,7 @@ class PatrolCostFeatures:
     def total(self, visitation: Visitation) -> Vector:
         """sum_k weights[k] phi(states[k], actions[k]), shape (K,)."""
         game, (states, actions, weights) = self._game, visitation
-        by_cell = [np.bincount(cells, weights, minlength=game.n_cells) for cells in game.cells(states)]
+        by_cell = [weighted_counts(cells, weights, game.n_cells) for cells in game.cells(states)]
         sharing = (weights * game.sharing[states]).sum()
         swapping = (weights * game.swapping[states, actions]).sum()
         return np.concatenate([*by_cell, [sharing, swapping]])
@@ -38,10 +39,10 @@ class PatrolCostFeatures:
         game = self._game
         by_cell = weights[:-2].reshape(game.n_experts, game.n_cells)
         cells = game.cells(np.arange(game.n_states))
-        of_state = weights[-2] * game.sharing
+        of_state: Vector = weights[-2] * game.sharing
         for own_weights, own_cells in zip(by_cell, cells, strict=True):
             of_state = of_state + own_weights[own_cells]
-        return of_state[:, None] + weights[-1] * game.swapping
+        return np.asarray(of_state[:, None] + weights[-1] * game.swapping)
 
 
 class PatrolRewardFeatures:
@@ -62,7 +63,7 @@ class PatrolRewardFeatures:
         moves_per_expert = game.expert_successor.shape[-1]
         pairs = game.cells(states) * moves_per_expert + game.moves(actions)
         size = game.n_cells * moves_per_expert
-        return np.concatenate([np.bincount(own, weights, minlength=size) for own in pairs])
+        return np.concatenate([weighted_counts(own, weights, size) for own in pairs])
 
     def table(self, weights: Vector) -> Array:
         """Sum of the experts' weights at every joint (s, a), shape (S, A)."""

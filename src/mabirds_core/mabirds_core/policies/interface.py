@@ -4,7 +4,8 @@ from typing import Protocol
 
 import numpy as np
 
-from mabirds_core.games.interface import Array, Indices, Vector, Visitation
+from mabirds_core.arrays import Array, Indices, Vector
+from mabirds_core.games.interface import Visitation
 
 
 class Policy(Protocol):

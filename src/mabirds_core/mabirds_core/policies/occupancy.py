@@ -4,9 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mabirds_core.arrays import Array, Indices, weighted_counts
 from mabirds_core.errors import InfeasibleError
-from mabirds_core.games.interface import Array, TabularGame, Trajectories, Vector, Visitation, discounted_visitation
+from mabirds_core.games.interface import TabularGame, Trajectories, Visitation, discounted_visitation
 from mabirds_core.policies.interface import Policy
+
+BLOCKED = "the policy leads to a state in which every action is blocked; loosen the hard constraints or the starts"
 
 
 def rollouts(game: TabularGame, policy: Policy, count: int, rng: np.random.Generator) -> Trajectories:
@@ -21,13 +24,13 @@ def rollouts(game: TabularGame, policy: Policy, count: int, rng: np.random.Gener
     return Trajectories(states, actions)
 
 
-def _draw(log_probabilities: Array, rng: np.random.Generator) -> Vector:
+def _draw(log_probabilities: Array, rng: np.random.Generator) -> Indices:
     """One action a row, by inverting the cumulative distribution."""
     cumulative = np.exp(log_probabilities).cumsum(axis=1)
     total = cumulative[:, -1:]
     if not (total > 0).all():
-        raise InfeasibleError("a rollout reached a state in which every action is blocked: no start may lead there")
-    return (cumulative <= rng.random((len(total), 1)) * total).sum(axis=1)
+        raise InfeasibleError(BLOCKED)
+    return np.asarray((cumulative <= rng.random((len(total), 1)) * total).sum(axis=1))
 
 
 def occupancy_measure(game: TabularGame, policy: Policy) -> Array:
@@ -38,7 +41,7 @@ def occupancy_measure(game: TabularGame, policy: Policy) -> Array:
     for step in range(game.horizon + 1):
         pairs = present[:, None] * np.exp(policy.log_probabilities(step, everywhere))
         occupancy += game.discount**step * pairs
-        present = np.bincount(game.successor.ravel(), pairs.ravel(), minlength=game.n_states)
+        present = weighted_counts(game.successor, pairs, game.n_states)
     return occupancy / discounted_steps(game)
 
 
@@ -67,6 +70,9 @@ class ExactExpectation:
 
     def __call__(self, policy: Policy, rng: np.random.Generator) -> Visitation:  # noqa: ARG002 - nothing is drawn
         """Every pair of positive probability."""
-        weights = discounted_steps(self.game) * occupancy_measure(self.game, policy)
+        occupancy = occupancy_measure(self.game, policy)
+        if not np.isclose(occupancy.sum(), 1.0):
+            raise InfeasibleError(BLOCKED)
+        weights = discounted_steps(self.game) * occupancy
         states, actions = np.nonzero(weights)
         return Visitation(states, actions, weights[states, actions])

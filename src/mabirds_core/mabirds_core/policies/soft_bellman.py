@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mabirds_core.games.interface import Array, FeatureMap, Indices, TabularGame, Vector
+from mabirds_core.arrays import Array, Indices, Vector
+from mabirds_core.games.interface import FeatureMap, TabularGame
 from mabirds_core.rewards import RewardModel
 
 
@@ -28,7 +29,7 @@ class SoftBellmanPolicy:
         """log pi_t(a | s) = Q_t(s, a) - V_t(s), shape (M, A); -inf throughout where all actions are blocked."""
         backup = self.game.discount * self.values[step + 1][self.game.successor[states]]
         value = self.values[step][states][:, None]
-        return self.reward[states] + backup - np.where(np.isneginf(value), 0.0, value)
+        return np.asarray(self.reward[states] + backup - np.where(np.isneginf(value), 0.0, value))
 
 
 @dataclass(frozen=True)
@@ -63,4 +64,4 @@ def log_sum_exp(table: Array) -> Vector:
     largest = table.max(axis=1)
     shift = np.where(np.isneginf(largest), 0.0, largest)
     with np.errstate(divide="ignore"):  # log 0 = -inf is what a blocked row means
-        return shift + np.log(np.exp(table - shift[:, None]).sum(axis=1))
+        return np.asarray(shift + np.log(np.exp(table - shift[:, None]).sum(axis=1)))

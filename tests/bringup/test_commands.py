@@ -1,0 +1,222 @@
+"""The ``mabirds`` command as people and scripts use it."""
+
+import csv
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+import yaml
+from rosbags.rosbag2 import Reader
+
+from mabirds_bringup.processes import learner_command
+
+MABIRDS = [str(Path(sys.executable).with_name("mabirds"))]
+
+
+def mabirds(*arguments: object, cwd: Path) -> "subprocess.CompletedProcess[str]":
+    command = [*MABIRDS, *map(str, arguments)]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=60, check=False)
+
+
+def wait_until(condition: Callable[[], Any], timeout: float = 20.0) -> Any:
+    """Poll a condition on processes or files; there is nothing to subscribe to."""
+    deadline = time.monotonic() + timeout
+    while not (value := condition()):
+        assert time.monotonic() < deadline, "not in time"
+        time.sleep(0.02)
+    return value
+
+
+@pytest.fixture
+def file(make_experiment: Callable[..., Path]) -> Path:
+    return make_experiment(iterations=8)
+
+
+def test_run_fills_the_run_directory(file: Path, tmp_path: Path) -> None:
+    result = mabirds("run", file, "--hz", 20, "--json", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    latest = tmp_path / "runs" / "latest"
+    summary = json.loads(result.stdout)
+    assert summary == json.loads((latest / "summary.json").read_text(encoding="utf-8"))
+    for row in summary["learners"].values():
+        assert row["iterations"] == 8
+        rates = ("violation_rate", "success_rate", "false_positive_rate", "false_negative_rate")
+        assert all(0 <= row[rate] <= 1 for rate in rates)
+    assert {"theta", "omega", "policy"} == set(summary["consensus_distance"])
+    assert (latest / "report.html").read_text(encoding="utf-8").count("<img") == 2
+    assert {file.name for file in (latest / "logs").glob("*.log")} == {
+        "learner_1.log",
+        "learner_2.log",
+        "expert_player.log",
+    }
+    for picture in ("map.png", "curves.png"):
+        assert (latest / picture).read_bytes().startswith(b"\x89PNG")
+
+
+def test_run_metrics_hold_every_learner_and_iteration(file: Path, tmp_path: Path) -> None:
+    assert mabirds("run", file, "--hz", 20, cwd=tmp_path).returncode == 0
+    with (tmp_path / "runs" / "latest" / "metrics.csv").open(encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [(row["learner"], int(row["iteration"])) for row in rows] == [
+        (name, n) for name in ("learner_1", "learner_2") for n in range(1, 10)
+    ]
+
+
+def test_the_recording_holds_all_parameters_and_no_demonstration(file: Path, tmp_path: Path) -> None:
+    assert mabirds("run", file, "--hz", 20, cwd=tmp_path).returncode == 0
+    with Reader(tmp_path / "runs" / "latest" / "bag") as reader:
+        counts = {connection.topic: connection.msgcount for connection in reader.connections}
+    assert counts["/learner_1/parameters"] == counts["/learner_2/parameters"] == 9
+    assert counts["/learner_1/status"] > 0
+    assert not [topic for topic in counts if "demonstration" in topic]
+
+
+def test_simulate_gives_the_same_summary_as_run(file: Path, tmp_path: Path) -> None:
+    run, simulation = (
+        json.loads(mabirds(verb, file, *options, "--json", cwd=tmp_path).stdout)
+        for verb, options in (("run", ("--hz", "50")), ("simulate", ()))
+    )
+    assert run.pop("wall_seconds") > 0
+    assert simulation.pop("wall_seconds") > 0
+    assert run == simulation
+
+
+def test_manifest_names_versions_seeds_and_digests(file: Path, tmp_path: Path) -> None:
+    assert mabirds("simulate", file, cwd=tmp_path).returncode == 0
+    manifest = json.loads((tmp_path / "runs" / "latest" / "manifest.json").read_text(encoding="utf-8"))
+    assert set(manifest["digests"]) == {"game", "experiment", "schedule"}
+    assert manifest["seeds"] == {"learners": 3, "demonstrations": 0}
+    assert all(manifest["versions"].values())
+
+
+def children_of(process: "subprocess.Popen[str]") -> list[psutil.Process]:
+    """The nodes that a run has started, once all three are there."""
+    found = psutil.Process(process.pid).children()
+    return found if len(found) == 3 else []
+
+
+@pytest.fixture
+def slow_run(file: Path, tmp_path: Path) -> Any:
+    """``mabirds run`` at a rate that will not end by itself, with its three children running."""
+    command = [*MABIRDS, "run", str(file), "--rate", "0.05"]
+    process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    children = wait_until(lambda: children_of(process))
+    # A node opens its log when ROS is up in it.
+    wait_until(lambda: len(list((tmp_path / "runs" / "latest" / "logs" / "ros").glob("*.log"))) == 3)
+    yield process, children
+    process.kill()
+    process.communicate()
+
+
+def gone(children: list[psutil.Process]) -> bool:
+    return not any(child.is_running() and child.status() != psutil.STATUS_ZOMBIE for child in children)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_run_leaves_nothing_behind(slow_run: Any, number: int) -> None:
+    process, children = slow_run
+    process.send_signal(number)
+    _, errors = process.communicate(timeout=15)
+    assert process.returncode == 130
+    assert "interrupted; everything was stopped" in errors
+    assert "Traceback" not in errors
+    assert gone(children)
+
+
+def test_a_run_whose_learner_dies_stops_the_rest_and_names_it(slow_run: Any) -> None:
+    process, children = slow_run
+    victim = next(child for child in children if "/learner_2" in " ".join(child.cmdline()))
+    victim.kill()
+    _, errors = process.communicate(timeout=15)
+    assert process.returncode == 3
+    assert re.search(r"error: learner_2 ended with exit code -9; the end of .*learner_2\.log", errors)
+    assert gone(children)
+
+
+def test_nodes_do_not_outlive_a_killed_run(slow_run: Any) -> None:
+    process, children = slow_run
+    process.kill()
+    wait_until(lambda: gone(children))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (("run", "missing.yaml"), "error: missing.yaml: cannot be read"),
+        (("run",), "Missing argument"),
+        (("run", "x", "--rate", "-1"), "--rate"),
+        (("simulate", "odd.yaml"), "odd.yaml: expected the settings of an experiment, found list"),
+        (("record", "experiment/experiment.yaml"), "bag: exists already"),
+        (("bag", "check", "experiment/experiment.yaml", "--bag", "nowhere"), "nowhere/metadata.yaml: cannot be read"),
+        (("inspect", "--json"), "--json prints one object and needs --once"),
+    ],
+)
+def test_bad_input_is_one_message_and_exit_code_2(
+    file: Path, tmp_path: Path, arguments: tuple[str, ...], text: str
+) -> None:
+    (tmp_path / "odd.yaml").write_text("- 1\n", encoding="utf-8")
+    result = mabirds(*arguments, cwd=tmp_path)
+    assert result.returncode == 2
+    assert text in result.stderr.replace("\n", " ")
+    assert "Traceback" not in result.stderr
+    assert result.stdout == ""
+
+
+def test_record_makes_the_bag_of_the_experiment(file: Path, tmp_path: Path) -> None:
+    assert mabirds("record", file, "--bag", "again", cwd=tmp_path).returncode == 0
+    result = mabirds("bag", "check", file, "--bag", "again", "--json", cwd=tmp_path)
+    assert json.loads(result.stdout)["demonstrations"] == {"learner_1": 8, "learner_2": 8}
+
+
+def test_experts_without_a_way_are_refused_and_leave_no_bag(file: Path, tmp_path: Path) -> None:
+    settings = yaml.safe_load(file.read_text(encoding="utf-8"))
+    settings["game"]["horizon"] = 2
+    file.write_text(yaml.safe_dump(settings), encoding="utf-8")
+    result = mabirds("record", file, "--bag", "again", cwd=tmp_path)
+    assert result.returncode == 2
+    assert "1 of 1 starts have no way to the goal within 2 steps" in result.stderr.replace("\n", " ")
+    assert not (tmp_path / "again").exists()
+
+
+@pytest.mark.parametrize("verb", [(), ("run",), ("simulate",), ("record",), ("inspect",), ("bag", "check")])
+def test_every_command_has_help(tmp_path: Path, verb: tuple[str, ...]) -> None:
+    result = mabirds(*verb, "--help", cwd=tmp_path)
+    assert result.returncode == 0
+    assert ("Example:" if verb else "Exit codes") in result.stdout
+
+
+def test_inspect_once_shows_every_learner(file: Path, tmp_path: Path) -> None:
+    logs = {"env": {**os.environ, "ROS_LOG_DIR": str(tmp_path)}, "stdout": subprocess.DEVNULL}
+    learners = [subprocess.Popen(learner_command(name, file), **logs) for name in ("learner_1", "learner_2")]
+    try:
+        result = mabirds("inspect", "--once", "--json", "--top", 2, cwd=tmp_path)
+    finally:
+        for learner in learners:
+            learner.terminate()
+            learner.wait(timeout=10)
+    assert result.returncode == 0, result.stderr
+    content = json.loads(result.stdout)
+    assert content["missing"] == []
+    assert set(content["learners"]) == {"/learner_1", "/learner_2"}
+    for learner in content["learners"].values():
+        assert learner["state"] == "waits for a demonstration"
+        assert learner["parameters"]["iteration"] == 1
+        assert [one["feature"] for one in learner["parameters"]["costliest"]] == [
+            "expert_1 in (0, 0)",
+            "expert_1 in (0, 1)",
+        ]
+
+
+def test_inspect_finds_nobody(tmp_path: Path) -> None:
+    result = mabirds("inspect", "--once", "--timeout", 1, cwd=tmp_path)
+    assert result.returncode == 4
+    assert "no learner found" in result.stderr

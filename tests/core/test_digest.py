@@ -1,0 +1,32 @@
+"""Digests: the same for the same content, whatever the order of keys; another for any other content."""
+
+import hashlib
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mabirds_core.digest import digest
+
+finite = st.floats(allow_nan=False, allow_infinity=False)
+leaves = st.none() | st.booleans() | st.integers() | finite | st.text()
+
+
+def test_a_digest_is_the_sha_256_of_canonical_json() -> None:
+    assert digest({"b": [1, 0.5], "a": None}) == hashlib.sha256(b'{"a":null,"b":[1,0.5]}').hexdigest()
+
+
+@given(st.dictionaries(st.text(), leaves | st.lists(leaves, max_size=3), max_size=6))
+def test_a_digest_does_not_depend_on_the_order_of_keys(content: dict[str, object]) -> None:
+    assert digest(dict(reversed(content.items()))) == digest(content)
+
+
+@given(st.lists(st.integers()), st.lists(st.integers()))
+def test_digests_differ_if_and_only_if_the_contents_do(one: list[int], other: list[int]) -> None:
+    assert (digest(one) == digest(other)) == (one == other)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_a_number_that_json_lacks_is_refused(value: float) -> None:
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        digest({"x": value})

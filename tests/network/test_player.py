@@ -1,0 +1,207 @@
+"""The player node: speed, holding back, pausing, sending again, and refusing to play to another game."""
+
+import time
+from collections import defaultdict
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mabirds_msgs.msg import Demonstration, LearnerStatus
+from mabirds_msgs.srv import PlayNext, Resend
+from rcl_interfaces.msg import FloatingPointRange
+from rclpy.parameter import Parameter
+from std_srvs.srv import SetBool
+
+from mabirds_core.experiment import load_experiment
+from mabirds_msgs_py.errors import BagError
+from mabirds_msgs_py.qos import STATUS_QOS, latched
+
+
+class PretendLearners:
+    """Listens to demonstrations and acknowledges them only when told to."""
+
+    def __init__(self, nodes: Any, game_digest: str, names: tuple[str, ...] = ("learner_1", "learner_2")) -> None:
+        self.node = nodes.plain("pretend_learners")
+        self.game_digest = game_digest
+        self.received: defaultdict[str, list[int]] = defaultdict(list)
+        self.times: defaultdict[str, list[float]] = defaultdict(list)
+        self._publishers = {}
+        for name in names:
+            self._publishers[name] = self.node.create_publisher(LearnerStatus, f"/{name}/status", STATUS_QOS)
+            self.node.create_subscription(Demonstration, f"/{name}/demonstration", self._on_demonstration, latched(256))
+
+    def _on_demonstration(self, message: Demonstration) -> None:
+        self.received[message.learner].append(message.iteration)
+        self.times[message.learner].append(time.monotonic())
+
+    def acknowledge(self, name: str, iteration: int) -> None:
+        self._publishers[name].publish(
+            LearnerStatus(
+                learner=name,
+                game_digest=self.game_digest,
+                last_demonstration=iteration,
+                state=LearnerStatus.WAITING_FOR_DEMONSTRATION,
+            )
+        )
+
+
+@pytest.fixture
+def file(make_experiment: Callable[..., Path]) -> Path:
+    return make_experiment(iterations=30)
+
+
+@pytest.fixture
+def learners(file: Path, nodes: Any) -> PretendLearners:
+    from mabirds_core.assembly import build_game
+
+    return PretendLearners(nodes, build_game(load_experiment(file)).digest)
+
+
+def test_nothing_is_sent_before_a_learner_is_there(nodes: Any, file: Path, learners: PretendLearners) -> None:
+    nodes.player(file, hz=100.0)
+    nodes.spin_for(0.5)
+    assert learners.received == {}
+    learners.acknowledge("learner_2", 0)
+    nodes.spin_until(lambda: len(learners.received["learner_2"]) > 2)
+    assert learners.received["learner_1"] == []
+
+
+def test_it_never_runs_further_ahead_than_the_window(nodes: Any, file: Path, learners: PretendLearners) -> None:
+    nodes.player(file, hz=200.0, window=4)
+    learners.acknowledge("learner_1", 0)
+    nodes.spin_until(lambda: len(learners.received["learner_1"]) == 4)
+    nodes.spin_for(0.3)
+    assert learners.received["learner_1"] == [1, 2, 3, 4]
+    learners.acknowledge("learner_1", 3)
+    nodes.spin_until(lambda: len(learners.received["learner_1"]) == 7)
+    nodes.spin_for(0.3)
+    assert learners.received["learner_1"] == [1, 2, 3, 4, 5, 6, 7]
+
+
+def test_holding_back_is_said(
+    nodes: Any, file: Path, learners: PretendLearners, capfd: pytest.CaptureFixture[str]
+) -> None:
+    nodes.player(file, hz=200.0, window=4)
+    learners.acknowledge("learner_1", 0)
+    nodes.spin_until(lambda: len(learners.received["learner_1"]) == 4)
+    nodes.spin_for(0.1)
+    learners.acknowledge("learner_1", 4)
+    nodes.spin_until(lambda: len(learners.received["learner_1"]) > 4)
+    output = "".join(capfd.readouterr())
+    assert output.count("holding learner_1 back: sent 4, learned 0, window 4") == 1
+    assert output.count("learner_1 caught up to 4") == 1
+
+
+def gaps(times: list[float]) -> list[float]:
+    return [later - earlier for earlier, later in pairwise(times)]
+
+
+def median(values: list[float]) -> float:
+    return sorted(values)[len(values) // 2]
+
+
+def test_rate_multiplies_the_recorded_timing(nodes: Any, file: Path, learners: PretendLearners) -> None:
+    nodes.player(file, rate=20.0)  # recorded once a second
+    learners.acknowledge("learner_1", 0)
+    nodes.spin_until(lambda: len(learners.received["learner_1"]) == 12)
+    assert median(gaps(learners.times["learner_1"])) == pytest.approx(0.05, abs=0.02)
+
+
+def test_hz_can_change_while_it_plays(nodes: Any, file: Path, learners: PretendLearners) -> None:
+    player = nodes.player(file, hz=5.0)
+    learners.acknowledge("learner_1", 0)
+    nodes.spin_until(lambda: len(learners.received["learner_1"]) == 5)
+    player.set_parameters([Parameter("hz", value=50.0)])
+    nodes.spin_until(lambda: len(learners.received["learner_1"]) == 15)
+    times = learners.times["learner_1"]
+    assert median(gaps(times[:5])) == pytest.approx(0.2, abs=0.05)
+    assert median(gaps(times[6:])) == pytest.approx(0.02, abs=0.015)
+
+
+@pytest.mark.parametrize(("name", "value"), [("rate", 0.0), ("rate", -1.0), ("hz", -0.5), ("hz", 1e9), ("rate", "x")])
+def test_speeds_out_of_range_are_refused_and_change_nothing(nodes: Any, file: Path, name: str, value: Any) -> None:
+    player = nodes.player(file)
+    before = player.get_parameter(name).value
+    (result,) = player.set_parameters([Parameter(name, value=value)])
+    assert not result.successful
+    assert result.reason
+    assert player.get_parameter(name).value == before
+
+
+def test_parameters_are_described_with_ranges(nodes: Any, file: Path) -> None:
+    player = nodes.player(file)
+    descriptor = player.describe_parameter("rate")
+    assert descriptor.floating_point_range == [FloatingPointRange(from_value=0.01, to_value=1e4)]
+    assert all(player.describe_parameter(name).description for name in ("experiment", "bag", "window", "rate", "hz"))
+
+
+def test_paused_it_sends_only_what_it_is_asked_for(nodes: Any, file: Path, learners: PretendLearners) -> None:
+    nodes.player(file, hz=100.0)
+    client = learners.node.create_client(SetBool, "/expert_player/pause")
+    step = learners.node.create_client(PlayNext, "/expert_player/play_next")
+    assert not nodes.call(step, PlayNext.Request(count=1)).success, "not while it plays"
+    assert nodes.call(client, SetBool.Request(data=True)).success
+    learners.acknowledge("learner_1", 0)
+    nodes.spin_for(0.3)
+    assert learners.received["learner_1"] == []
+    assert nodes.call(step, PlayNext.Request(count=2)).message == "published 2 demonstrations"
+    nodes.spin_until(lambda: learners.received["learner_1"] == [1, 2])
+    assert nodes.call(client, SetBool.Request(data=False)).success
+    nodes.spin_until(lambda: len(learners.received["learner_1"]) > 5)
+
+
+def test_resend_repeats_one_demonstration_to_its_own_learner(nodes: Any, file: Path, learners: PretendLearners) -> None:
+    nodes.player(file, hz=200.0, window=3)
+    for name in ("learner_1", "learner_2"):
+        learners.acknowledge(name, 0)
+    nodes.spin_until(lambda: all(len(learners.received[name]) == 3 for name in ("learner_1", "learner_2")))
+    client = learners.node.create_client(Resend, "/expert_player/resend")
+    assert nodes.call(client, Resend.Request(learner="learner_2", iteration=2)).success
+    nodes.spin_until(lambda: learners.received["learner_2"] == [1, 2, 3, 2])
+    assert learners.received["learner_1"] == [1, 2, 3]
+    for learner, iteration in (("learner_9", 1), ("learner_1", 4), ("learner_1", 0)):
+        answer = nodes.call(client, Resend.Request(learner=learner, iteration=iteration))
+        assert not answer.success
+        assert "expected one of those sent" in answer.message
+
+
+def test_what_a_learner_lost_is_sent_again(nodes: Any, file: Path, learners: PretendLearners) -> None:
+    nodes.player(file, hz=200.0, window=2)
+    learners.acknowledge("learner_1", 0)
+    nodes.spin_until(lambda: learners.received["learner_1"] == [1, 2])
+    nodes.spin_for(2.1)
+    learners.acknowledge("learner_1", 0)  # the heartbeat of a learner that never got them
+    nodes.spin_until(lambda: learners.received["learner_1"] == [1, 2, 1, 2])
+
+
+def test_a_learner_of_another_game_gets_nothing(nodes: Any, file: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    learners = PretendLearners(nodes, "another game")
+    nodes.player(file, hz=100.0)
+    learners.acknowledge("learner_1", 0)
+    nodes.spin_for(0.5)
+    assert learners.received == {}
+    assert "learner_1 plays another game: digest another game, here" in "".join(capfd.readouterr())
+
+
+def test_it_is_done_when_everything_is_acknowledged(nodes: Any, file: Path, learners: PretendLearners) -> None:
+    player = nodes.player(file, hz=1000.0, window=30)
+    for name in ("learner_1", "learner_2"):
+        learners.acknowledge(name, 0)
+    nodes.spin_until(lambda: all(len(learners.received[name]) == 30 for name in ("learner_1", "learner_2")))
+    assert not player.done
+    for name in ("learner_1", "learner_2"):
+        learners.acknowledge(name, 30)
+    nodes.spin_until(lambda: player.done)
+
+
+def test_a_bag_with_too_few_demonstrations_is_refused(nodes: Any, file: Path) -> None:
+    file.write_text(file.read_text(encoding="utf-8").replace("iterations: 30", "iterations: 31"), encoding="utf-8")
+    with pytest.raises(BagError, match="topic /learner_1/demonstration: 30 demonstrations, expected at least 31"):
+        nodes.player(file)
+
+
+def test_a_missing_bag_is_refused(nodes: Any, file: Path) -> None:
+    with pytest.raises(BagError, match="give the directory of a rosbag2 bag"):
+        nodes.player(file, bag="/nowhere")

@@ -1,0 +1,120 @@
+"""Who may import whom, what a learner's process does not load, and how long a file may be."""
+
+import ast
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+SOURCES = Path(__file__).resolve().parents[1] / "src"
+
+MAY_IMPORT = {
+    "mabirds_core": set[str](),
+    "mabirds_msgs_py": {"mabirds_core"},
+    "mabirds_expert_player": {"mabirds_core", "mabirds_msgs_py"},
+    "mabirds_learner": {"mabirds_core", "mabirds_msgs_py"},
+    "mabirds_bringup": {"mabirds_core", "mabirds_msgs_py", "mabirds_expert_player", "mabirds_learner"},
+}
+"""core <- msgs_py <- {expert_player, learner} <- bringup; each may import itself as well."""
+
+ROS = re.compile(r"rclpy|rcl_.*|ros.*|ament_.*|launch.*|mcap|.*_msgs|.*_interfaces|.*_srvs")
+"""Root modules that come with ROS or with its files."""
+
+LONGEST_FILE = 350
+
+
+def modules(package: str) -> list[Path]:
+    return sorted((SOURCES / package / package).rglob("*.py"))
+
+
+def text(path: Path) -> str:
+    return path.read_text(encoding="utf-8")
+
+
+def imported_roots(source: str) -> Iterator[str]:
+    """The first part of every absolutely imported module, inside functions too."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            yield from (alias.name.partition(".")[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+            yield node.module.partition(".")[0]
+
+
+def against_the_arrow(package: str, source: str) -> set[str]:
+    """Packages of this repository that the source imports and may not."""
+    return set(imported_roots(source)) & set(MAY_IMPORT) - MAY_IMPORT[package] - {package}
+
+
+def of_ros(source: str) -> set[str]:
+    return {root for root in imported_roots(source) if ROS.fullmatch(root)}
+
+
+def test_every_package_of_the_sources_has_its_place_in_the_order() -> None:
+    assert {path.name for path in SOURCES.iterdir() if path.is_dir()} == set(MAY_IMPORT)
+    assert all(len(modules(package)) > 1 for package in MAY_IMPORT)
+
+
+@pytest.mark.parametrize("package", MAY_IMPORT)
+def test_no_module_imports_against_the_arrow(package: str) -> None:
+    wrong = {path.name: against_the_arrow(package, text(path)) for path in modules(package)}
+    assert {name: roots for name, roots in wrong.items() if roots} == {}
+
+
+def test_core_imports_no_ros() -> None:
+    found = {path.name: of_ros(text(path)) for path in modules("mabirds_core")}
+    assert {name: roots for name, roots in found.items() if roots} == {}
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "import mabirds_learner.session",
+        "from mabirds_learner import session",
+        "def f():\n  import mabirds_learner",
+    ],
+)
+def test_an_import_against_the_arrow_is_seen(line: str) -> None:
+    for package in ("mabirds_core", "mabirds_msgs_py", "mabirds_expert_player"):
+        assert against_the_arrow(package, line) == {"mabirds_learner"}
+    assert against_the_arrow("mabirds_bringup", line) == set()
+
+
+@pytest.mark.parametrize("root", ["rclpy", "mabirds_msgs", "nav_msgs", "rosbags", "rcl_interfaces", "mcap"])
+def test_an_import_of_ros_is_seen(root: str) -> None:
+    assert of_ros(f"from {root}.sub import x") == {root}
+    assert of_ros("import numpy\nimport yaml\nfrom pydantic import BaseModel\nimport mabirds_core") == set()
+
+
+def loaded_by(statement: str) -> set[str]:
+    """Root modules in sys.modules of a fresh process after the statement."""
+    program = f"{statement}\nimport sys\nprint(*sorted({{name.partition('.')[0] for name in sys.modules}}))"
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+    return set(done.stdout.split())
+
+
+def test_a_learners_process_does_not_load_what_it_does_not_need() -> None:
+    loaded = loaded_by("import mabirds_learner.learner_node")
+    assert {"mabirds_learner", "mabirds_core", "rclpy", "numpy"} <= loaded
+    assert loaded.isdisjoint({"torch", "matplotlib", "rosbags", "scipy", "networkx", "typer", "rich"})
+    assert loaded.isdisjoint({"mabirds_bringup", "mabirds_expert_player"})
+
+
+def test_core_loads_without_ros() -> None:
+    statements = (
+        f"import {'.'.join(path.relative_to(SOURCES / 'mabirds_core').with_suffix('').parts)}"
+        for path in modules("mabirds_core")
+        if path.name != "__init__.py"
+    )
+    loaded = loaded_by("\n".join(statements))
+    assert "mabirds_core" in loaded
+    assert {root for root in loaded if root.startswith(("rcl", "mabirds_msgs", "mabirds_learner"))} == set()
+
+
+def test_no_source_file_is_longer_than_can_be_read_in_one_go() -> None:
+    lengths = {path.name: len(text(path).splitlines()) for path in SOURCES.rglob("*.py")}
+    assert {name: length for name, length in lengths.items() if length > LONGEST_FILE} == {}
