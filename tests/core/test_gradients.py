@@ -1,7 +1,7 @@
 """Gradients against central finite differences: of a trajectory's log-likelihood, and of the dual G.
 
-Transitions are deterministic, so that sum_t gamma^t log pi_t(a_t|s_t) = J(zeta) + omega^T mu(zeta) - V_0(s_0),
-and its gradient is that of zeta less its expectation under pi from s_0. The dual is
+Transitions are deterministic, so sum_t gamma^t log pi_t(a_t|s_t) = J(zeta) + omega^T mu(zeta) - V_0(s_0), and
+its gradient is that of zeta less its expectation under pi from s_0. The dual is
 G(omega; theta) = E_{P_0} V_0 - omega^T mu(D) - J_theta(D) with D the mean over the window's demonstrations.
 """
 

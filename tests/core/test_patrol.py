@@ -243,7 +243,7 @@ SETTINGS: dict[str, Any] = {
         ({"goals": []}, "goals\n"),
         ({"start_probabilities": [0.5, 0.5]}, r"start_probabilities \(0.5, 0.5\): expected 1 numbers"),
         ({"start_probabilities": [0.9]}, r"start_probabilities \(0.9,\): expected 1 numbers >= 0 with sum 1"),
-        ({"start_probabilities": [np.nan]}, r"start_probabilities \(nan,\)"),
+        ({"start_probabilities": [np.nan]}, r"start_probabilities.0\n.*input_value=nan"),
         ({"start_probabilities": []}, r"start_probabilities \(\): expected 1 numbers"),
         ({"horizon": 0}, "horizon\n.*input_value=0"),
         ({"horizon": 2.5}, "horizon\n.*input_value=2.5"),

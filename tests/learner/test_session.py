@@ -6,12 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
 
 from mabirds_core.algorithm import Parameters
 from mabirds_core.assembly import build_game, build_learner
 from mabirds_core.errors import ScheduleError
 from mabirds_core.experiment import Experiment, load_experiment
 from mabirds_core.games.interface import Trajectories
+from mabirds_core.schedule import EdgeSchedule, smallest_window
 from mabirds_core.simulate import simulate
 from mabirds_learner.session import DEMONSTRATION, StrictSession
 from mabirds_msgs_py.bag_reader import DemonstrationBag
@@ -135,3 +138,30 @@ def test_own_parameters_are_kept_for_neighbours_that_ask_again(experiment: Exper
         assert kept is not None
         assert np.array_equal(kept.theta, states[iteration].theta)
     assert target.own_parameters(newest - 3) is None
+
+
+@given(
+    n_learners=st.integers(2, 5),
+    slots=st.lists(st.sets(st.tuples(st.integers(0, 4), st.integers(0, 4))), min_size=1, max_size=4),
+    stalled=st.integers(0, 4),
+    start=st.integers(1, 4),
+)
+def test_no_learner_runs_further_ahead_than_the_bound(
+    n_learners: int, slots: list[set[tuple[int, int]]], stalled: int, start: int
+) -> None:
+    """One learner stalls at an iteration; the others go on for as long as strict mode lets them."""
+    edges = [frozenset((u, v) for u, v in slot if u != v and max(u, v) < n_learners) for slot in slots]
+    schedule = EdgeSchedule(tuple(f"learner_{v}" for v in range(n_learners)), tuple(edges))
+    try:
+        bound = smallest_window(schedule) * (n_learners - 1)
+    except ScheduleError:
+        assume(False)
+    at = dict.fromkeys(range(n_learners), start)
+    movable = True
+    while movable and max(at.values()) <= start + bound:
+        movable = False
+        for v in set(at) - {stalled % n_learners}:
+            if all(at[u] >= at[v] for u in schedule.in_neighbours(v, at[v])):
+                at[v] += 1
+                movable = True
+    assert max(at.values()) <= start + bound

@@ -27,8 +27,7 @@ def simulate(
     for name in learners:
         if (count := len(demonstrations.get(name, ()))) < experiment.iterations:
             raise ExperimentError(
-                f"{name} has {count} demonstrations, expected {experiment.iterations};"
-                " record more, or lower iterations"
+                f"{name} has {count} demonstrations, expected {experiment.iterations}; record more, or lower iterations"
             )
     states = {name: learner.initial_state() for name, learner in learners.items()}
     history: History = {name: [state.parameters] for name, state in states.items()}

@@ -38,13 +38,13 @@ class StrictSession:
         self._require_history()
 
     def _require_history(self) -> None:
-        """Within B iterations everybody hears from everybody over at most N - 1 steps, so none is further ahead."""
+        """A stalled learner stops another one within B iterations, that one a third, and so on: N - 1 times B."""
         schedule = self.learner.schedule
-        lead = smallest_window(schedule) * max(1, len(schedule.learners) - 1) + 1
-        if self._parameter_history < lead:
+        lead = smallest_window(schedule) * (len(schedule.learners) - 1)
+        if self._parameter_history <= lead:
             raise ScheduleError(
                 f"parameter_history {self._parameter_history}: with this schedule a neighbour may be {lead}"
-                f" iterations ahead; set at least {lead}"
+                f" iterations ahead; set at least {lead + 1}"
             )
 
     @property

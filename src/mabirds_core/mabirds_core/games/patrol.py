@@ -195,12 +195,11 @@ class PatrolGame:
         """violation[s, a]: an expert on an obstacle, two in one cell, or two swapping."""
         on_obstacle = self.obstacles[self.cells(np.arange(self.n_states))].any(axis=0)
         of_state: Mask = on_obstacle | (self.sharing > 0)
-        violation: Mask = of_state[:, None] | (self.swapping > 0)
-        return violation
+        return of_state[:, None] | (self.swapping > 0)
 
     @cached_property
     def _arrived(self) -> Mask:
-        return self.cells(np.arange(self.n_states)) == self.goals[:, None]
+        return np.equal(self.cells(np.arange(self.n_states)), self.goals[:, None])
 
     @cached_property
     def goal(self) -> Mask:

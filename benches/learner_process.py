@@ -1,0 +1,115 @@
+"""What one learner's process costs: memory, idle processor time, time an iteration, in the shipped patrol run.
+
+Example: .venv/bin/python benches/learner_process.py --json
+"""
+
+import json
+import os
+import platform
+import tempfile
+import time
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated, Any
+
+import psutil
+import rclpy
+import typer
+from mabirds_msgs.msg import LearnerStatus
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+
+from mabirds_bringup import processes
+from mabirds_bringup.console import console, guarded_output
+from mabirds_core.experiment import load_experiment
+from mabirds_msgs_py.environment import prepare_environment
+from mabirds_msgs_py.qos import latched
+
+PATROL = Path(__file__).resolve().parents[1] / "ros_ws" / "config" / "patrol.yaml"
+IDLE_SECONDS = 10.0
+TARGETS = {"resident_megabytes": 150.0, "idle_share_of_a_core": 0.05}
+
+
+class Listener(Node):
+    """Collects the statuses of learner_1."""
+
+    def __init__(self) -> None:
+        super().__init__("listener")
+        self.statuses: list[LearnerStatus] = []
+        self.create_subscription(LearnerStatus, "/learner_1/status", self.statuses.append, latched(1000))
+
+
+def measure(logs: Path) -> dict[str, float]:
+    """Start the patrol's learners, let them idle, then let them learn everything."""
+    rclpy.init(args=[])
+    listener, executor = Listener(), SingleThreadedExecutor()
+    executor.add_node(listener)
+
+    def spin_until(condition: Callable[[], Any]) -> None:
+        while not condition():
+            executor.spin_once(timeout_sec=0.1)
+
+    names = load_experiment(PATROL).learners
+    nodes = [processes.start(name, processes.learner_command(name, PATROL), logs) for name in names]
+    try:
+        learner, start = psutil.Process(nodes[0].popen.pid), time.monotonic()
+        spin_until(lambda: listener.statuses)
+        ready = time.monotonic() - start
+        before, start = cpu_seconds(learner), time.monotonic()
+        spin_until(lambda: time.monotonic() - start > IDLE_SECONDS)
+        idle = (cpu_seconds(learner) - before) / (time.monotonic() - start)
+        nodes.append(processes.start("expert_player", processes.player_command(PATROL, {"hz": 1000.0}), logs))
+        spin_until(lambda: listener.statuses[-1].state == LearnerStatus.FINISHED)
+        return {
+            "start_seconds": ready,
+            "idle_share_of_a_core": idle,
+            "resident_megabytes": learner.memory_info().rss / 1e6,
+            "iteration_seconds": median([iteration_seconds(status) for status in listener.statuses]),
+        }
+    finally:
+        processes.stop(nodes)
+        rclpy.try_shutdown()
+
+
+def cpu_seconds(process: psutil.Process) -> float:
+    """User and system time of a process."""
+    times = process.cpu_times()
+    return float(times.user + times.system)
+
+
+def iteration_seconds(status: LearnerStatus) -> float | None:
+    """Time of the newest update, if there was one."""
+    metrics = dict(zip(status.metric_names, status.metric_values, strict=True))
+    return metrics.get("iteration_seconds")
+
+
+def median(values: list[float | None]) -> float:
+    """Median of those that are there."""
+    known = sorted(value for value in values if value is not None)
+    return known[len(known) // 2]
+
+
+def main(as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False) -> None:  # noqa: FBT002
+    """Measure a learner's process in the shipped patrol experiment."""
+    prepare_environment()
+    with guarded_output() as stdout, tempfile.TemporaryDirectory() as logs:
+        results = measure(Path(logs))
+        targets = [
+            {"name": name, "value": results[name], "target": target, "met": results[name] < target}
+            for name, target in TARGETS.items()
+        ]
+        machine = {
+            "system": platform.platform(),
+            "cores": os.cpu_count(),
+            "python": platform.python_version(),
+            "rclpy": version("ros-rclpy"),
+            "threads a process": 1,
+        }
+        console.print(machine, results, targets, sep="\n")
+        if as_json:
+            print(json.dumps({"machine": machine, "results": results, "targets": targets}), file=stdout)
+
+
+if __name__ == "__main__":
+    typer.run(main)

@@ -1,0 +1,250 @@
+"""Make .venv ready: Python packages at pinned versions, the compiled messages, the packages of src/.
+
+Run it by `make setup` as often as you like: it does what is left to do, mostly nothing. It needs only Python.
+$MABIRDS_CACHE (by default mabirds/wheels in the user's cache) keeps compiled messages for the next checkout.
+
+Exit codes: 0 .venv is ready; 2 wrong arguments; 3 this machine lacks something (all of it is named, with the
+command that mends it); 4 a step failed (named, with the end of its log); 130 interrupted (run it again).
+"""
+
+from __future__ import annotations
+
+import ast
+import contextlib
+import fcntl
+import functools
+import hashlib
+import importlib.util
+import os
+import platform
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import sysconfig
+import tempfile
+import time
+import zipfile
+from argparse import ArgumentParser, RawDescriptionHelpFormatter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NoReturn
+
+ROOT = Path(__file__).resolve().parent.parent
+VENV = ROOT / ".venv"
+VENV_PYTHON = VENV / "bin" / "python"
+LOG = VENV / "setup.log"
+STAMP = VENV / "setup.stamp"  # the key of what is set up; written last
+SOUND = VENV / "setup.sound"  # the place that .venv was made for; away while a command changes .venv
+CONSTRAINTS = ROOT / "constraints.txt"
+MESSAGE_SOURCES = ("constraints.txt", "ros_ws/src/mabirds_msgs/**/*")
+SOURCES = (*MESSAGE_SOURCES, "requirements.txt", "tools/setup_*.py", "src/*/setup.*", "src/*/package.xml")
+PACKAGES = ("mabirds_core", "mabirds_msgs_py", "mabirds_expert_player", "mabirds_learner", "mabirds_bringup")
+USER_CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+WHEEL_CACHE = Path(os.environ.get("MABIRDS_CACHE") or USER_CACHE / "mabirds" / "wheels").absolute()
+GIGABYTES_NEEDED = 2
+EXIT_MISSING, EXIT_FAILED, EXIT_INTERRUPTED = 3, 4, 130
+MACHINE = (str(sys.implementation.cache_tag), sysconfig.get_platform(), *platform.libc_ver())
+PLACE = f"{VENV} {sys.base_prefix} {MACHINE}"  # what .venv is made for
+
+# Where packages come from is the user's to say; other settings of pip (user, target, no-deps ...) do harm.
+PIP_SETTING_KEPT = re.compile(
+    r"[^=]*\.((?:extra-)?index-url|find-links|no-index|trusted-host|(?:client-)?cert|proxy|"
+    r"(?:default-)?timeout|retries|(?:no-)?cache-dir|keyring-provider)=(.*)"
+)
+# Left by another ROS installation or virtual environment, these would mix it into the build.
+DROPPED = r"PIP_.*|PYTHON(PATH|HOME)|(AMENT|CMAKE)_PREFIX_PATH|_ROS_WHEELS_BOOTSTRAP_COMPLETE"
+
+
+def fail(exit_code: int, words: str) -> NoReturn:
+    """End with the reason, in words for the user."""
+    print(f"\n{words}", file=sys.stderr)
+    raise SystemExit(exit_code)
+
+
+def digest(patterns: tuple[str, ...], *facts: str) -> str:
+    """SHA-256 of names and contents of the files that match, and of the facts."""
+    total = hashlib.sha256("\0".join(facts).encode())
+    for file in sorted(file for pattern in patterns for file in ROOT.glob(pattern) if file.is_file()):
+        contents = hashlib.sha256(file.read_bytes()).hexdigest()
+        total.update(f"\0{file.relative_to(ROOT)}\0{contents}".encode())
+    return total.hexdigest()
+
+
+def is_ready() -> bool:
+    """Tell whether an earlier run got to its end and nothing has changed since."""
+    return VENV_PYTHON.exists() and STAMP.exists() and STAMP.read_text() == digest(SOURCES, PLACE)
+
+
+def missing_packages() -> Iterator[tuple[str, str]]:
+    """What is missing to compile and install: the Debian package that mends it, and words for it."""
+    python = f"python{sys.version_info.major}.{sys.version_info.minor}"
+    for tool, words in (("gcc", "C compiler"), ("g++", "C++ compiler"), ("make", "program")):
+        if shutil.which(tool) is None:
+            yield tool, f"the {words} {tool}"
+    if not Path(sysconfig.get_path("include"), "Python.h").exists():
+        yield f"{python}-dev", f"Python.h, the C headers of {python}"
+    if not all(importlib.util.find_spec(module) for module in ("venv", "ensurepip")):
+        yield f"{python}-venv", f"the modules venv and ensurepip of {python}"
+
+
+def other_problems() -> Iterator[str]:
+    """What is missing and comes in no Debian package."""
+    if sysconfig.get_platform() != "linux-x86_64" or platform.libc_ver()[0] != "glibc":
+        yield "Linux on x86-64 with glibc: ROS wheels exist for nothing else (docker/README.md may help)"
+    for folder in (ROOT, Path(tempfile.gettempdir()), WHEEL_CACHE):
+        existing = next(place for place in (folder, *folder.parents) if place.exists())
+        if shutil.disk_usage(existing).free < GIGABYTES_NEEDED * 1e9:
+            yield f"{GIGABYTES_NEEDED} GB of free disk space for {folder}"
+    for name in PACKAGES:
+        if not (ROOT / "src" / name / "setup.py").exists():
+            yield f"src/{name}/setup.py: the checkout is incomplete (see `git status`)"
+
+
+def check_prerequisites() -> None:
+    """Say everything that is missing at once."""
+    packages, problems = dict(missing_packages()), list(other_problems())
+    if platform.python_implementation() != "CPython" or not (3, 11) <= sys.version_info[:2] <= (3, 13):
+        packages = {name: words for name, words in packages.items() if not name.startswith("python")}
+        problems.insert(0, f"CPython 3.11 to 3.13 (PYTHON=... names one), not {sys.version.split()[0]}")
+    lines = ["missing on this machine:", *(f"  - {words}" for words in [*problems, *packages.values()])]
+    if packages:
+        lines.append(f"On Debian and Ubuntu: sudo apt-get install {' '.join(packages)}")
+    if len(lines) > 1:
+        fail(EXIT_MISSING, "\n".join(lines))
+
+
+@functools.lru_cache
+def pip_environment() -> dict[str, str]:
+    """Environment variables of all commands in .venv: the user's, less what could lead them astray."""
+    listing, shell = (VENV_PYTHON, "-m", "pip", "config", "list"), {**os.environ, "PIP_QUIET": "0"}
+    output = subprocess.run(listing, env=shell, capture_output=True, text=True, check=False).stdout
+    kept = {name: value for name, value in os.environ.items() if not re.fullmatch(DROPPED, name)}
+    for line in sorted(output.splitlines(), key=lambda line: ":env:" in line):  # variables win over files
+        if setting := PIP_SETTING_KEPT.fullmatch(line):
+            name, value = setting.groups()
+            kept[f"PIP_{name.upper()}".replace("-", "_")] = " ".join(ast.literal_eval(value).split())
+    return {**kept, "PIP_CONFIG_FILE": os.devnull}  # reads no file: all that counts is here
+
+
+def run(*command: str | Path, remedy: str, changes_venv: bool = True) -> None:
+    """Run a command, its output in the log; it holds the lock as long as it lives."""
+    if changes_venv:
+        SOUND.unlink(missing_ok=True)
+    env = pip_environment() if VENV_PYTHON.exists() else None
+    with LOG.open("a") as log:
+        print("$", *command, file=log, flush=True)
+        code = subprocess.call(command, cwd=ROOT, env=env, stdout=log, stderr=log, close_fds=False)
+    if code >= 0:  # else it was killed and may have left .venv half changed
+        SOUND.write_text(PLACE)
+    if code != 0:
+        tail = "\n".join(LOG.read_text(errors="replace").splitlines()[-30:])
+        fail(EXIT_FAILED, f"{tail}\n\nexit code {code}; the whole output is in {LOG}\n{remedy}")
+
+
+def pip(*arguments: str | Path, remedy: str) -> None:
+    """Run the pip of .venv."""
+    command = (VENV_PYTHON, "-m", "pip", "--disable-pip-version-check", "--no-input", *arguments)
+    run(*command, remedy=remedy, changes_venv=arguments[0] == "install")
+
+
+def make_venv() -> None:
+    """Make .venv, unless there is a sound one for this place and this Python."""
+    if not (Path(VENV, "bin", "pip").exists() and SOUND.exists() and SOUND.read_text() == PLACE):
+        SOUND.unlink(missing_ok=True)
+        shutil.rmtree(VENV, ignore_errors=True)
+        VENV.mkdir()
+        python = getattr(sys, "_base_executable", sys.executable)  # for this one may have been in .venv
+        run(python, "-m", "venv", VENV, remedy="Is this Python whole? Choose another: make setup PYTHON=...")
+    STAMP.unlink(missing_ok=True)
+    LOG.write_text("")
+
+
+def install_requirements() -> None:
+    """Install pip and what requirements.txt names, at the versions of constraints.txt."""
+    remedy = "Often it is the network or pip's index settings (pip config list). Then run make setup again."
+    pip("install", "--constraint", CONSTRAINTS, "--upgrade", "pip", remedy=remedy)
+    pip("install", "--constraint", CONSTRAINTS, "--requirement", ROOT / "requirements.txt", remedy=remedy)
+
+
+def build_messages(folder: Path) -> Path:
+    """Compile the messages; the wheel enters the cache in one move, whoever else is building it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder) as scratch:
+        options = ("--no-deps", "--build-constraint", CONSTRAINTS, "--wheel-dir", scratch)
+        pip("wheel", *options, ROOT / "ros_ws/src/mabirds_msgs", remedy="Mend the log's first error.")
+        (built,) = Path(scratch).glob("*.whl")
+        return built.replace(folder / built.name)
+
+
+def install_messages() -> None:
+    """Install the compiled messages, from the cache if it has them."""
+    folder = WHEEL_CACHE / digest(MESSAGE_SOURCES, *MACHINE)
+    cached = next((wheel for wheel in folder.glob("*.whl") if zipfile.is_zipfile(wheel)), None)
+    with step(4, "installing mabirds_msgs" if cached else "building mabirds_msgs (about a minute, once)"):
+        wheel = cached or build_messages(folder)
+        remedy = f"Is the wheel broken? Then delete {wheel} and run make clean setup."
+        pip("install", "--no-deps", "--force-reinstall", wheel, remedy=remedy)
+        run(VENV_PYTHON, "-c", "import rclpy, mabirds_msgs.msg, mabirds_msgs.srv", remedy=remedy)
+
+
+def install_packages() -> None:
+    """Install the packages of src/ so that edits count at once."""
+    editable = [argument for name in PACKAGES for argument in ("--editable", ROOT / "src" / name)]
+    remedy = "The package's setup.py, setup.cfg or package.xml wants mending."
+    pip("install", "--no-deps", "--no-build-isolation", *editable, remedy=remedy)
+
+
+@contextlib.contextmanager
+def step(number: int, words: str) -> Iterator[None]:
+    """Announce a step, and say how long it took."""
+    started = time.monotonic()
+    print(f"[{number}/5] {words} ... ", end="", flush=True)
+    yield
+    print(f"{time.monotonic() - started:.1f} s", flush=True)
+
+
+def set_up() -> None:
+    """Do what is left to do, one step after another."""
+    key = digest(SOURCES, PLACE)
+    with step(1, "checking this machine"):
+        check_prerequisites()
+    with step(2, "making .venv"):
+        make_venv()
+    with step(3, "installing Python packages (a minute or two, once)"):
+        install_requirements()
+    install_messages()
+    with step(5, "installing the packages of src/"):
+        install_packages()
+    STAMP.write_text(key)
+
+
+def lock_checkout() -> None:
+    """Let one set-up at a time work here; the lock ends with this process and the commands it started."""
+    folder = os.open(ROOT, os.O_RDONLY)
+    os.set_inheritable(folder, True)
+    try:
+        fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        print("waiting for another set-up of this checkout", flush=True)
+        fcntl.flock(folder, fcntl.LOCK_EX)
+
+
+def main() -> None:
+    """Set up, if there is anything to do."""
+    ArgumentParser(description=__doc__, formatter_class=RawDescriptionHelpFormatter).parse_args()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        if not is_ready():
+            lock_checkout()
+        if not is_ready():
+            set_up()
+    except KeyboardInterrupt:
+        fail(EXIT_INTERRUPTED, "interrupted; make setup goes on from here")
+    except OSError as error:
+        fail(EXIT_FAILED, f"{error}\nIs there a disk full, or a folder that cannot be written?")
+
+
+if __name__ == "__main__":
+    main()
