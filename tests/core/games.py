@@ -6,7 +6,8 @@ from itertools import combinations, product
 
 import numpy as np
 
-from mabirds_core.games.interface import Array, Indices, TabularGame, Trajectories, Vector
+from mabirds_core.arrays import Array, Indices, Vector
+from mabirds_core.games.interface import TabularGame, Trajectories
 from mabirds_core.games.patrol import PatrolGame, PatrolSettings
 from mabirds_core.policies.interface import Policy
 

@@ -8,22 +8,25 @@ from games import SlowPatrol, hallway
 from pydantic import ValidationError
 
 from mabirds_core.algorithm import Learner, LearnerState, Parameters, StepSizes
+from mabirds_core.arrays import Vector
 from mabirds_core.errors import ScheduleError
-from mabirds_core.games.interface import Trajectories, Vector, Visitation, discounted_visitation
+from mabirds_core.games.interface import Trajectories, Visitation, discounted_visitation
 from mabirds_core.games.patrol import PatrolGame
 from mabirds_core.policies.interface import Expectation, Policy
 from mabirds_core.policies.occupancy import SampledExpectation, rollouts
 from mabirds_core.policies.soft_bellman import SoftBellmanFinder, soft_bellman_policy
 from mabirds_core.rewards import LinearReward
-from mabirds_core.schedule import EdgeSchedule, both_ways
+from mabirds_core.schedule import EdgeSchedule, both_ways, complete_edges, static
 
 STEPS = StepSizes(alpha=3.0, beta=0.7, eta1=0.6, eta2=0.9)
-SCHEDULE = EdgeSchedule(("a", "b", "c"), (both_ways([(0, 1), (1, 2)]), both_ways([(0, 2)])))
-WEIGHTS = [
+SLOTS = (both_ways([(0, 1), (1, 2)]), both_ways([(0, 2)]), frozenset({(0, 1), (1, 2), (2, 0)}))
+SCHEDULE = EdgeSchedule(("a", "b", "c"), SLOTS)
+WEIGHTS: list[list[list[float]]] = [
     [[2 / 3, 1 / 3, 0], [1 / 3, 1 / 3, 1 / 3], [0, 1 / 3, 2 / 3]],
     [[1 / 2, 0, 1 / 2], [0, 1, 0], [1 / 2, 0, 1 / 2]],
+    [[1 / 2, 0, 1 / 2], [1 / 2, 1 / 2, 0], [0, 1 / 2, 1 / 2]],
 ]
-"""W of the two slots, by hand: a line a - b - c, then a - c."""
+"""W of the three slots, by hand: a line a - b - c, then a - c, then the directed ring a -> b -> c -> a."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +82,7 @@ def naive_update(
     demonstrations: dict[int, Trajectories], window: int,
 ) -> Parameters:  # fmt: skip
     """The two lines of step 4; ``demonstrations[k]`` is zeta(k)."""
-    row = WEIGHTS[(n - 1) % 2][index]
+    row = WEIGHTS[(n - 1) % 3][index]
     after = []
     for part, step in ((0, 0.7 / n**0.9), (1, 3.0 / n**0.6)):
         mixed = sum(row[u] * known[u][part] for u in known)
@@ -217,20 +220,21 @@ def test_mixing_does_not_move_parameters_on_which_all_agree() -> None:
 
 
 def test_the_order_in_which_neighbours_are_given_changes_no_bit() -> None:
-    one, demonstration = learner(1), some_trajectories(hallway(), 1, seed=1)
-    state, neighbours = LearnerState(1, random_parameters(1), ()), neighbours_of(1, 1)
+    everybody = replace(learner(0), schedule=static(("a", "b", "c", "d", "e"), complete_edges(5)))
+    state, demonstration = LearnerState(1, random_parameters(0), ()), some_trajectories(hallway(), 1, seed=1)
+    neighbours = {u: random_parameters(u) for u in range(1, 5)}
     backwards = dict(reversed(neighbours.items()))
-    first, second = (one.update(state, demonstration, given) for given in (neighbours, backwards))
+    first, second = (everybody.update(state, demonstration, given) for given in (neighbours, backwards))
     assert_same_bits(first.state.parameters, second.state.parameters)
 
 
 @pytest.mark.parametrize("given", [[], [0], [0, 1, 2], [0, 2, 3], [2, 3]])
 def test_parameters_of_other_learners_than_the_schedules_are_refused(given: list[int]) -> None:
     neighbours = {u: random_parameters(u) for u in given}
-    state, demonstration = LearnerState(3, random_parameters(1), ()), some_trajectories(hallway(), 1, seed=1)
+    state, demonstration = LearnerState(4, random_parameters(1), ()), some_trajectories(hallway(), 1, seed=1)
     with pytest.raises(ScheduleError) as caught:
         learner(1).update(state, demonstration, neighbours)
-    assert str(caught.value) == f"iteration 3: parameters of learners {given}, expected [0, 2]"
+    assert str(caught.value) == f"iteration 4: parameters of learners {given}, expected [0, 2]"
 
 
 def test_parameters_over_a_closed_edge_are_refused() -> None:
@@ -252,7 +256,7 @@ def test_an_update_leaves_what_it_was_given_as_it_was() -> None:
 def test_a_longer_window_over_one_repeated_demonstration_changes_nothing() -> None:
     game, demonstration = hallway(), some_trajectories(hallway(), 1, seed=1)
     single = learner(1, expectation=GivenRollouts(game, some_trajectories(game, 4, seed=2)))
-    state = LearnerState(4, random_parameters(1), ())
+    state = LearnerState(5, random_parameters(1), ())
     longer, repeated = replace(single, window=3), state._replace(recent=(demonstration, demonstration))
     first, second = single.update(state, demonstration, {}), longer.update(repeated, demonstration, {})
     np.testing.assert_allclose(first.gradient.theta, second.gradient.theta, atol=1e-13)

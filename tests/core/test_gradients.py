@@ -12,14 +12,15 @@ import pytest
 from games import central_differences, discounted_sums, hallway, log_likelihoods, patrol
 
 from mabirds_core.algorithm import Learner, LearnerState, Parameters, StepSizes
-from mabirds_core.games.interface import Trajectories, Vector, discounted_visitation
+from mabirds_core.arrays import Vector
+from mabirds_core.games.interface import Trajectories, discounted_visitation
 from mabirds_core.games.patrol import PatrolGame
 from mabirds_core.policies.occupancy import ExactExpectation, rollouts
 from mabirds_core.policies.soft_bellman import SoftBellmanFinder, SoftBellmanPolicy, soft_bellman_policy
 from mabirds_core.rewards import LinearReward
 from mabirds_core.schedule import EdgeSchedule
 
-TOLERANCE = {"rtol": 0, "atol": 2e-9}
+TOLERANCE = 2e-9
 
 Objective = Callable[[Parameters], float]
 
@@ -67,8 +68,8 @@ def differences(objective: Objective, at: Parameters) -> Parameters:
 
 
 def assert_close(found: Parameters, expected: Parameters) -> None:
-    np.testing.assert_allclose(found.theta, expected.theta, **TOLERANCE)
-    np.testing.assert_allclose(found.omega, expected.omega, **TOLERANCE)
+    np.testing.assert_allclose(found.theta, expected.theta, rtol=0, atol=TOLERANCE)
+    np.testing.assert_allclose(found.omega, expected.omega, rtol=0, atol=TOLERANCE)
     assert np.abs(expected.theta).max() > 0.01
     assert np.abs(expected.omega).max() > 0.01
 
@@ -126,7 +127,7 @@ def test_gradient_of_a_linear_reward_model_is_that_of_the_return() -> None:
 
     theta = some_parameters(game).theta
     found = model.gradient(theta, visitation)
-    np.testing.assert_allclose(found, central_differences(discounted_return, theta), **TOLERANCE)
+    np.testing.assert_allclose(found, central_differences(discounted_return, theta), rtol=0, atol=TOLERANCE)
 
 
 @pytest.mark.parametrize("window", [1, 3])

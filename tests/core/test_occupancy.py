@@ -16,15 +16,9 @@ from games import (
     square,
 )
 
+from mabirds_core.arrays import Array, Vector
 from mabirds_core.errors import InfeasibleError
-from mabirds_core.games.interface import (
-    Array,
-    FeatureMap,
-    TabularGame,
-    Trajectories,
-    Vector,
-    discounted_visitation,
-)
+from mabirds_core.games.interface import FeatureMap, TabularGame, Trajectories, discounted_visitation
 from mabirds_core.games.patrol import PatrolGame
 from mabirds_core.policies.occupancy import (
     ExactExpectation,
@@ -176,11 +170,12 @@ def test_the_same_seed_gives_the_same_rollouts_and_another_seed_others() -> None
     assert (first.actions != other.actions).any()
 
 
+@pytest.mark.parametrize("mass", [1.0, 1 - 1e-9, 1 + 1e-9])
 @pytest.mark.parametrize("draw", [0.0, 0.25, 0.5, np.nextafter(1, 0)])
-def test_no_draw_whatever_picks_an_action_of_probability_zero(draw: float) -> None:
+def test_no_draw_and_no_rounding_picks_an_action_of_probability_zero(draw: float, mass: float) -> None:
     game = hallway()
     chances = np.zeros((game.horizon + 1, game.n_states, game.n_actions))
-    chances[..., [3, 5, 9, 14]] = [0.1, 0.4, 0.3, 0.2]
+    chances[..., [3, 5, 9, 14]] = mass * np.array([0.1, 0.4, 0.3, 0.2])
     actions = rollouts(game, TablePolicy(chances), 3, ConstantDraws(draw)).actions
     assert set(actions.ravel()) == {{0.0: 3, 0.25: 5, 0.5: 9}.get(draw, 14)}
 

@@ -10,8 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from mabirds_core.arrays import Array
 from mabirds_core.errors import ImpossibleTrajectoryError
-from mabirds_core.games.interface import Array, Trajectories
+from mabirds_core.games.interface import Trajectories
 from mabirds_core.games.patrol import PatrolGame, PatrolSettings
 from mabirds_core.policies.occupancy import rollouts
 

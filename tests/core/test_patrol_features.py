@@ -8,7 +8,8 @@ from games import Cell, SlowPatrol, alone, hallway, trio
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mabirds_core.games.interface import Array, FeatureMap, Visitation
+from mabirds_core.arrays import Array
+from mabirds_core.games.interface import FeatureMap, Visitation
 from mabirds_core.games.patrol import PatrolGame
 
 GAMES = {"one expert": alone(), "two experts": hallway(), "three experts": trio()}

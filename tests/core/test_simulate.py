@@ -8,10 +8,11 @@ import pytest
 from experiments import demonstrations, experiment
 
 from mabirds_core.algorithm import LearnerState, Parameters
+from mabirds_core.arrays import Vector
 from mabirds_core.assembly import build_learner
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment import Experiment
-from mabirds_core.games.interface import Trajectories, Vector
+from mabirds_core.games.interface import Trajectories
 from mabirds_core.metrics import consensus_distance
 from mabirds_core.simulate import History, simulate
 

@@ -15,8 +15,8 @@ from graphs import (
 from hypothesis import assume, event, given
 from hypothesis import strategies as st
 
+from mabirds_core.arrays import Array
 from mabirds_core.errors import ScheduleError
-from mabirds_core.games.interface import Array
 from mabirds_core.weights import Edge, doubly_stochastic_weights
 
 TOLERANCE = 1e-12
@@ -129,6 +129,15 @@ def matrix(*rows: list[float]) -> Array:
 )
 def test_weights_by_hand(count: int, edges: list[Edge], expected: Array) -> None:
     np.testing.assert_allclose(doubly_stochastic_weights(count, edges), expected, rtol=0, atol=1e-15)
+
+
+def test_the_flow_goes_around_the_shortest_cycle_of_every_edge() -> None:
+    """0 -> 1 lies on the cycles 0 1 2 0 and 0 1 3 4 0; it takes the shorter, so each carries a flow of 3."""
+    flow = {(0, 1): 3 + 3, (1, 2): 3, (2, 0): 3, (1, 3): 3, (3, 4): 3, (4, 0): 3}
+    weights = doubly_stochastic_weights(5, flow)
+    for (sender, receiver), share in flow.items():
+        assert weights[receiver, sender] == pytest.approx(share / 7, abs=1e-15)
+    assert np.diag(weights) == pytest.approx(np.array([1, 1, 4, 4, 4]) / 7, abs=1e-15)
 
 
 @given(graphs_with_weights)
