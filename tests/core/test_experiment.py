@@ -137,6 +137,31 @@ def test_a_wrong_setting_is_refused_by_place_and_value(
     assert value in message
 
 
+def test_a_setting_written_twice_is_refused(tmp_path: Path) -> None:
+    file = write(tmp_path, SETTINGS)
+    file.write_text(file.read_text(encoding="utf-8") + "seed: 4\n", encoding="utf-8")
+    assert "'seed' is set twice" in refusal(file)
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "expectation"),
+    [
+        ("seed", True, "seed: Input should be a valid integer (given: True)"),
+        ("iterations", "12", "iterations: Input should be a valid integer (given: '12')"),
+        ("iterations", 13, "iterations 13: expected at most demonstrations.per_learner, 12"),
+    ],
+)
+def test_settings_are_strict_about_types_and_sizes(tmp_path: Path, place: str, value: object, expectation: str) -> None:
+    assert expectation in refusal(write(tmp_path, changed({place: value})))
+
+
+def test_a_game_too_large_to_tabulate_is_refused(tmp_path: Path) -> None:
+    cells = [[0, 0], [0, 1], [0, 2], [0, 3]]
+    game = {"map": "\n".join(["." * 7] * 7), "starts": [cells], "goals": cells[::-1], "horizon": 9}
+    text = refusal(write(tmp_path, changed({"game": game})))
+    assert "4 experts on a 7x7 map make 1.5e+09 joint state-action pairs, expected at most 5e+07" in text
+
+
 @pytest.mark.parametrize("key", [key for key in SETTINGS if key != "seed"])
 def test_a_missing_setting_is_refused_by_place(tmp_path: Path, key: str) -> None:
     content = {name: value for name, value in SETTINGS.items() if name != key}

@@ -15,9 +15,9 @@ STATES = {
 
 
 def live_table(experiment: Experiment, monitor: MonitorNode) -> Table:
-    """One row a learner, the consensus distance below."""
+    """One row a learner (seconds: of its newest iteration), the consensus distance below."""
     table = Table(title=f"{experiment.name}: {len(experiment.learners)} learners", caption=caption(monitor))
-    for column in ("learner", "iteration", "backlog", "state", "waiting for", "s an iteration", "dropped"):
+    for column in ("learner", "learned", "backlog", "state", "waits for", "seconds", "dropped"):
         table.add_column(column)
     for name in experiment.learners:
         table.add_row(name, *_cells(experiment, monitor.statuses.get(name)))
@@ -32,7 +32,7 @@ def _cells(experiment: Experiment, status: LearnerStatus | None) -> list[str]:
     return [
         f"{status.last_demonstration}/{experiment.iterations}",
         str(status.backlog),
-        STATES[status.state],
+        "waiting" if status.waiting_for else STATES[status.state],
         ", ".join(status.waiting_for),
         f"{metrics['iteration_seconds']:.3f}" if "iteration_seconds" in metrics else "",
         ", ".join(f"{reason} {count}" for reason, count in drops.items()),
@@ -50,5 +50,5 @@ def caption(monitor: MonitorNode) -> str:
 def plain_line(experiment: Experiment, monitor: MonitorNode) -> str:
     """The same in one line, for output that is not a terminal."""
     cells = (_cells(experiment, monitor.statuses.get(name)) for name in experiment.learners)
-    rows = [f"{name} {row[0]} {row[2]}" for name, row in zip(experiment.learners, cells, strict=True)]
+    rows = [f"{name} {row[0]} {row[2]} {row[3]}".rstrip() for name, row in zip(experiment.learners, cells, strict=True)]
     return "; ".join([*rows, caption(monitor)])

@@ -1,5 +1,6 @@
 """An experiment file: the one typed, validated source of truth for game, algorithm, learners, schedule and bag."""
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -20,6 +21,9 @@ from mabirds_core.schedule import (
     static,
     validate,
 )
+
+LONGEST_VALUE = 60
+"""Characters of a wrong value that an error shows."""
 
 LearnerName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 
@@ -105,6 +109,11 @@ class Experiment(_Settings):
     @model_validator(mode="after")
     def _fits_together(self) -> "Experiment":
         validate(self.edge_schedule)
+        if self.iterations > self.demonstrations.per_learner:
+            raise ExperimentError(
+                f"iterations {self.iterations}: expected at most demonstrations.per_learner,"
+                f" {self.demonstrations.per_learner}; record more, or learn fewer"
+            )
         return self
 
     @property
@@ -125,10 +134,21 @@ class Experiment(_Settings):
         return digest(content)
 
 
+class _UniqueKeyLoader(yaml.SafeLoader):
+    """YAML in which a setting that is written twice is an error, instead of the second silently winning."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:  # noqa: FBT001, FBT002
+        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
+        for key in keys:
+            if keys.count(key) > 1:
+                raise yaml.constructor.ConstructorError(None, None, f"{key!r} is set twice", node.start_mark)
+        return super().construct_mapping(node, deep)
+
+
 def load_experiment(path: Path) -> Experiment:
     """Read and check an experiment file; raises ExperimentError naming the file and every wrong setting."""
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        content = yaml.load(path.read_text(encoding="utf-8"), Loader=_UniqueKeyLoader)  # noqa: S506 - a SafeLoader
     except OSError as error:
         raise ExperimentError(
             f"{path}: cannot be read ({error.strerror}); give the path of an experiment file"
@@ -142,7 +162,8 @@ def load_experiment(path: Path) -> Experiment:
 
 def _checked(path: Path, content: dict[str, Any]) -> Experiment:
     try:
-        experiment = Experiment.model_validate(content)
+        # As JSON, so that strict types still let a list be a tuple: true is no number here, and "12" neither.
+        experiment = Experiment.model_validate_json(json.dumps(content, default=str), strict=True)
     except ValidationError as error:
         raise ExperimentError(f"{path}: " + "; ".join(_explanations(error))) from None
     except MabirdsError as error:
@@ -155,5 +176,6 @@ def _checked(path: Path, content: dict[str, Any]) -> Experiment:
 def _explanations(error: ValidationError) -> Iterator[str]:
     for problem in error.errors():
         place = ".".join(str(part) for part in problem["loc"]) or "experiment"
-        given = f" (given: {problem['input']!r})" if isinstance(problem["input"], int | float | str) else ""
-        yield f"{place}: {problem['msg']}{given}"
+        given = repr(problem["input"])
+        shown = given if len(given) <= LONGEST_VALUE else f"{given[:LONGEST_VALUE]}..."
+        yield f"{place}: {problem['msg']}" + ("" if problem["type"] == "missing" else f" (given: {shown})")

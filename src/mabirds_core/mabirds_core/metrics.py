@@ -39,7 +39,8 @@ def exact_imitation(game: TabularGame, policy: Policy) -> Imitation:
         pairs = clean[:, None] * np.exp(policy.log_probabilities(step, everywhere))
         pairs[game.violation] = 0.0
         clean = weighted_counts(game.successor, pairs, game.n_states)
-    return Imitation(max(0.0, 1.0 - float(pairs.sum())), float(pairs[game.goal].sum()))
+    # Rounding may carry a probability past 1 by some 1e-15.
+    return Imitation(max(0.0, 1.0 - float(pairs.sum())), min(1.0, float(pairs[game.goal].sum())))
 
 
 def sampled_imitation(game: TabularGame, trajectories: Trajectories) -> Imitation:

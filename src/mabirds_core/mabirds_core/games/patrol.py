@@ -22,6 +22,8 @@ from mabirds_core.games.patrol_features import PatrolCostFeatures, PatrolRewardF
 MOVES = np.array([[-1, 0], [0, 1], [1, 0], [0, -1]])
 MOVE_NAMES = ("north", "east", "south", "west")
 N_MOVES = len(MOVES)
+MOST_PAIRS = 50_000_000
+"""Joint state-action pairs that a learner can tabulate: some gigabytes."""
 
 Cell = tuple[int, int]
 
@@ -61,6 +63,7 @@ class PatrolSettings(BaseModel):
             if len(start) != self.n_experts or len(set(start)) != self.n_experts:
                 raise ValueError(f"start {start}: expected {self.n_experts} different cells, one an expert")
         self._check_probabilities()
+        self._check_size()
         return self
 
     def _check_free(self, cell: Cell) -> None:
@@ -71,10 +74,18 @@ class PatrolSettings(BaseModel):
                 f"cell {cell} as (row, column): expected a free cell of the {len(rows)}x{len(rows[0])} map"
             )
 
+    def _check_size(self) -> None:
+        pairs = (len(self.rows) * len(self.rows[0]) * N_MOVES) ** self.n_experts
+        if pairs > MOST_PAIRS:
+            raise ValueError(
+                f"{self.n_experts} experts on a {len(self.rows)}x{len(self.rows[0])} map make {pairs:.2g} joint"
+                f" state-action pairs, expected at most {MOST_PAIRS:.2g}; take a smaller map or fewer experts"
+            )
+
     def _check_probabilities(self) -> None:
         given = self.start_probabilities
         if given is not None and (
-            len(given) != len(self.starts) or min(given) < 0 or not np.isclose(sum(given), 1, atol=1e-9)
+            len(given) != len(self.starts) or min(given) < 0 or not np.isclose(sum(given), 1, rtol=0, atol=1e-9)
         ):
             raise ValueError(f"start_probabilities {given}: expected {len(self.starts)} numbers >= 0 with sum 1")
 
@@ -188,7 +199,8 @@ class PatrolGame:
     @cached_property
     def true_constraints(self) -> Mask:
         """Obstacle cells of every expert, sharing and swapping; shape of the cost features."""
-        return np.concatenate([np.tile(self.obstacles, self.n_experts), np.ones(2, dtype=bool)])
+        joint = np.full(2, self.n_experts > 1)
+        return np.concatenate([np.tile(self.obstacles, self.n_experts), joint])
 
     @cached_property
     def violation(self) -> Mask:
