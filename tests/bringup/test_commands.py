@@ -187,6 +187,13 @@ def test_experts_without_a_way_are_refused_and_leave_no_bag(file: Path, tmp_path
     assert not (tmp_path / "again").exists()
 
 
+def test_a_place_that_cannot_be_written_is_refused(file: Path, tmp_path: Path) -> None:
+    (tmp_path / "occupied").write_text("a file, not a directory", encoding="utf-8")
+    result = mabirds("run", file, "--out", "occupied", cwd=tmp_path)
+    assert result.returncode == 2
+    assert "occupied: File exists; choose a place that can be read and written" in result.stderr.replace("\n", " ")
+
+
 @pytest.mark.parametrize("verb", [(), ("run",), ("simulate",), ("record",), ("inspect",), ("bag", "check")])
 def test_every_command_has_help(tmp_path: Path, verb: tuple[str, ...]) -> None:
     result = mabirds(*verb, "--help", cwd=tmp_path)

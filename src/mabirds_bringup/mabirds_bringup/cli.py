@@ -35,6 +35,8 @@ def main() -> None:
         _fail(str(error), exit_codes.PROCESS_DIED)
     except MabirdsError as error:
         _fail(str(error), exit_codes.BAD_INPUT)
+    except OSError as error:
+        _fail(f"{error.filename}: {error.strerror}; choose a place that can be read and written", exit_codes.BAD_INPUT)
     except TyperException as error:
         _fail(f"{error.format_message()} (see --help)", exit_codes.BAD_INPUT)
     if code == exit_codes.INTERRUPTED:

@@ -46,7 +46,7 @@ class Network:
         Raises ProcessDiedError when a node ends early. All processes are stopped in any case.
         """
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-        signal.signal(signal.SIGTERM, signal.default_int_handler)  # end as on Ctrl-C: nothing left behind
+        before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # end as on Ctrl-C: nothing left behind
         children: list[NodeProcess] = []
         try:
             with BagWriter(self.directory / "bag") as recording:
@@ -61,6 +61,7 @@ class Network:
                 return monitor.history()
         finally:
             processes.stop(children)
+            signal.signal(signal.SIGTERM, before)
             rclpy.try_shutdown()
 
     def _start(self) -> list[NodeProcess]:
