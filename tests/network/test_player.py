@@ -197,7 +197,8 @@ def test_it_is_done_when_everything_is_acknowledged(nodes: Any, file: Path, lear
 
 
 def test_a_bag_with_too_few_demonstrations_is_refused(nodes: Any, file: Path) -> None:
-    file.write_text(file.read_text(encoding="utf-8").replace("iterations: 30", "iterations: 31"), encoding="utf-8")
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace("iterations: 30", "iterations: 31").replace("per_learner: 30", "per_learner: 31"))
     with pytest.raises(BagError, match="topic /learner_1/demonstration: 30 demonstrations, expected at least 31"):
         nodes.player(file)
 

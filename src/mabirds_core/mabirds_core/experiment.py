@@ -178,4 +178,5 @@ def _explanations(error: ValidationError) -> Iterator[str]:
         place = ".".join(str(part) for part in problem["loc"]) or "experiment"
         given = repr(problem["input"])
         shown = given if len(given) <= LONGEST_VALUE else f"{given[:LONGEST_VALUE]}..."
-        yield f"{place}: {problem['msg']}" + ("" if problem["type"] == "missing" else f" (given: {shown})")
+        explanation = problem["msg"].removeprefix("Value error, ")
+        yield f"{place}: {explanation}" + ("" if isinstance(problem["input"], dict) else f" (given: {shown})")
