@@ -138,13 +138,13 @@ class ExpertPlayerNode(Node):
         self._publishers_by_learner[learner].publish(self._bag.message(learner, iteration))
 
     def _report_holding_back(self, learner: str, stream: Stream) -> None:
-        """Say when holding back begins and ends, not in between."""
+        """Say when holding back begins, and when the learner has made up for half a window."""
         if stream.held_back and learner not in self._held_back:
             self._held_back.add(learner)
             self.get_logger().info(
                 f"holding {learner} back: sent {stream.sent}, learned {stream.acknowledged}, window {stream.window}"
             )
-        elif not stream.held_back and learner in self._held_back:
+        elif learner in self._held_back and 2 * (stream.sent - stream.acknowledged) <= stream.window:
             self._held_back.remove(learner)
             self.get_logger().info(f"{learner} caught up to {stream.acknowledged}")
 

@@ -34,6 +34,9 @@ from mabirds_msgs_py.node_main import run_node
 from mabirds_msgs_py.qos import STATUS_QOS, latched
 from mabirds_msgs_py.ros_parameters import real, text, whole
 
+REPETITIONS = {"old_iteration", "duplicate"}
+"""Reasons that are only counted: what is asked for again may arrive twice."""
+
 
 class LearnerNode(Node):
     """Learner v of an experiment, in strict mode. Raises MabirdsError for a wrong experiment, name or history."""
@@ -117,6 +120,8 @@ class LearnerNode(Node):
 
     def _drop(self, what: str, error: RefusedMessageError) -> None:
         self._drops[error.reason] += 1
+        if error.reason in REPETITIONS:
+            return
         self._event = f"dropped {what}: {error}"
         if self._drops[error.reason] == 1:
             self.get_logger().warning(self._event)

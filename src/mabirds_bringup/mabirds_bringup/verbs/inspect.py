@@ -14,6 +14,7 @@ from mabirds_bringup.console import console, guarded_output, print_json
 from mabirds_bringup.inspector import InspectorNode, Learner, describe, describe_parameters
 from mabirds_bringup.verbs.options import Json
 from mabirds_core.errors import ExperimentError
+from mabirds_learner.session import DEMONSTRATION
 
 
 def inspect(
@@ -85,7 +86,8 @@ def _show(learners: dict[str, dict[str, Any]], missing: list[str]) -> None:
 
 
 def _status_line(content: dict[str, Any]) -> str:
-    waiting = f" ({', '.join(content['waiting_for'])})" if content["waiting_for"] else ""
+    neighbours = [name for name in content["waiting_for"] if name != DEMONSTRATION]
+    waiting = f" ({', '.join(neighbours)})" if neighbours else ""
     dropped = f", dropped {content['dropped']}" if content["dropped"] else ""
     message = f", {content['message']}" if content["message"] else ""
     return (
