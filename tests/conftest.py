@@ -24,7 +24,7 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 PATROL = REPOSITORY / "ros_ws" / "config" / "patrol.yaml"
 
 # Domains 1 to 101 are safe on Linux. Tests of several processes at once start at different places.
-_domains = itertools.cycle(range(1 + os.getpid() % 100, 102))
+_domains = (1 + (os.getpid() + number) % 101 for number in itertools.count())
 
 MakeExperiment = Callable[..., Path]
 

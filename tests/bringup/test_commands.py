@@ -108,7 +108,10 @@ def children_of(process: "subprocess.Popen[str]") -> list[psutil.Process]:
 def slow_run(file: Path, tmp_path: Path) -> Any:
     """``mabirds run`` at a rate that will not end by itself, with its three children running."""
     command = [*MABIRDS, "run", str(file), "--rate", "0.05"]
+    # Under nohup and some test runners SIGINT is ignored, which children inherit.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    signal.signal(signal.SIGINT, before)
     children = wait_until(lambda: children_of(process))
     # A node opens its log when ROS is up in it.
     wait_until(lambda: len(list((tmp_path / "runs" / "latest" / "logs" / "ros").glob("*.log"))) == 3)
@@ -140,6 +143,23 @@ def test_a_run_whose_learner_dies_stops_the_rest_and_names_it(slow_run: Any) -> 
     assert process.returncode == 3
     assert re.search(r"error: learner_2 ended with exit code -9; the end of .*learner_2\.log", errors)
     assert gone(children)
+
+
+def test_a_run_whose_player_leaves_early_stops_the_rest(slow_run: Any) -> None:
+    process, children = slow_run
+    next(child for child in children if "mabirds_expert_player" in " ".join(child.cmdline())).terminate()
+    _, errors = process.communicate(timeout=20)
+    assert process.returncode == 3
+    assert "expert_player ended with exit code 0" in errors
+    assert gone(children)
+
+
+def test_an_interrupted_run_keeps_its_recording(slow_run: Any, tmp_path: Path) -> None:
+    process, _ = slow_run
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=15)
+    with Reader(tmp_path / "runs" / "latest" / "bag") as reader:
+        assert reader.message_count >= 0
 
 
 def test_nodes_do_not_outlive_a_killed_run(slow_run: Any) -> None:

@@ -42,11 +42,12 @@ def test_it_is_finished_once_all_is_acknowledged_not_once_all_is_sent() -> None:
     assert stream.finished
 
 
-def test_an_old_acknowledgement_takes_nothing_back() -> None:
+def test_a_learner_that_begins_anew_gets_everything_again() -> None:
     stream = Stream(total=9, window=3)
-    stream.acknowledge(4)
-    stream.acknowledge(2)
-    assert stream.acknowledged == 4
+    stream.acknowledge(7)
+    stream.acknowledge(0)
+    assert stream.held_back
+    assert list(stream.missing(now=9.0, patience=2.0)) == [1, 2, 3]
 
 
 def test_a_restarted_player_takes_up_after_what_is_learned() -> None:

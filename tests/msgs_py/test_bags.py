@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 import yaml
 from mabirds_msgs.msg import Demonstration, EdgeSchedule, LearnerStatus, Parameters
+from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
@@ -152,7 +153,11 @@ def test_damage_is_named_by_file_topic_and_last_intact_iteration(
     open_bag: OpenBag, long_bag: Experiment, spoil: Callable[[bytes, int], bytes]
 ) -> None:
     file = mcap_file(long_bag)
-    file.write_bytes(spoil(file.read_bytes(), file.stat().st_size // 2))
+    with file.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    chunk = summary.chunk_indexes[len(summary.chunk_indexes) // 2]
+    file.write_bytes(spoil(file.read_bytes(), chunk.chunk_start_offset + chunk.chunk_length // 2))
     with pytest.raises(BagError, match=file.name) as damage:
         open_bag(long_bag)
     first, second = intact_up_to(damage.value)

@@ -149,6 +149,30 @@ def test_an_impossible_demonstration_is_named_by_topic_iteration_and_step(
     assert around.last.message.startswith("dropped demonstration 3: step 0: expert 1 moves")
 
 
+def test_a_demonstration_of_another_run_is_refused(nodes: Any, file: Path, around: Surroundings) -> None:
+    node = nodes.learner(file, "learner_1", run="monday")
+    message = around.bag.message("learner_1", 1)
+    message.experiment_digest = around.experiment.run_digest("tuesday")
+    around.demonstrations.publish(message)
+    nodes.spin_until(lambda: around.statuses and around.last.drop_reasons)
+    assert list(around.last.drop_reasons) == ["wrong_experiment"]
+    message.experiment_digest = around.experiment.run_digest("monday")
+    around.demonstrations.publish(message)
+    nodes.spin_until(lambda: node.session.backlog == 1)
+
+
+def test_what_a_neighbour_no_longer_keeps_is_said(nodes: Any, file: Path, around: Surroundings) -> None:
+    def answer(_: FetchParameters.Request, response: FetchParameters.Response) -> FetchParameters.Response:
+        response.message = "learner_2 keeps iterations 23 to 86"
+        return response
+
+    around.node.create_service(FetchParameters, "/learner_2/fetch_parameters", answer)
+    nodes.learner(file, "learner_1", status_period=0.1)
+    nodes.spin_until(
+        lambda: around.statuses and around.last.message == "iteration 1 is missing: learner_2 keeps iterations 23 to 86"
+    )
+
+
 def test_a_gap_is_asked_for_again(nodes: Any, file: Path, around: Surroundings) -> None:
     """learner_2's parameters of iteration 1 never arrive on the topic; its service still has them."""
     asked: list[int] = []
@@ -174,7 +198,7 @@ def test_it_answers_a_neighbour_that_asks_again(nodes: Any, file: Path, around: 
     assert found.parameters.theta == around.parameters[0].theta
     missing = nodes.call(client, FetchParameters.Request(iteration=2))
     assert not missing.found
-    assert missing.message == "learner_1 is at iteration 1"
+    assert missing.message == "learner_1 keeps iterations 1 to 1"
 
 
 def test_a_namespace_that_is_no_learner_is_refused(nodes: Any, file: Path) -> None:
@@ -188,7 +212,9 @@ def test_a_history_too_short_for_the_schedule_is_refused(nodes: Any, make_experi
         nodes.learner(file, "learner_1", parameter_history=3)
 
 
-@pytest.mark.parametrize("parameters", [{"status_period": 0.0}, {"parameter_history": 1}, {"demonstration_history": 0}])
+@pytest.mark.parametrize(
+    "parameters", [{"status_period": 0.0}, {"parameter_history": -1}, {"demonstration_history": 255}]
+)
 def test_parameters_out_of_range_are_refused(nodes: Any, file: Path, parameters: dict[str, Any]) -> None:
     with pytest.raises(InvalidParameterValueException):
         nodes.learner(file, "learner_1", **parameters)

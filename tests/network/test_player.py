@@ -14,7 +14,8 @@ from rcl_interfaces.msg import FloatingPointRange
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 
-from mabirds_core.experiment import load_experiment
+from mabirds_core.assembly import build_game
+from mabirds_core.experiment import Experiment, load_experiment
 from mabirds_msgs_py.errors import BagError
 from mabirds_msgs_py.qos import STATUS_QOS, latched
 
@@ -22,13 +23,14 @@ from mabirds_msgs_py.qos import STATUS_QOS, latched
 class PretendLearners:
     """Listens to demonstrations and acknowledges them only when told to."""
 
-    def __init__(self, nodes: Any, game_digest: str, names: tuple[str, ...] = ("learner_1", "learner_2")) -> None:
+    def __init__(self, nodes: Any, experiment: Experiment, game_digest: str = "") -> None:
         self.node = nodes.plain("pretend_learners")
-        self.game_digest = game_digest
+        self.experiment = experiment
+        self.game_digest = game_digest or build_game(experiment).digest
         self.received: defaultdict[str, list[int]] = defaultdict(list)
         self.times: defaultdict[str, list[float]] = defaultdict(list)
         self._publishers = {}
-        for name in names:
+        for name in experiment.learners:
             self._publishers[name] = self.node.create_publisher(LearnerStatus, f"/{name}/status", STATUS_QOS)
             self.node.create_subscription(Demonstration, f"/{name}/demonstration", self._on_demonstration, latched(256))
 
@@ -41,6 +43,8 @@ class PretendLearners:
             LearnerStatus(
                 learner=name,
                 game_digest=self.game_digest,
+                experiment_digest=self.experiment.digest,
+                schedule_digest=self.experiment.edge_schedule.digest,
                 last_demonstration=iteration,
                 state=LearnerStatus.WAITING_FOR_DEMONSTRATION,
             )
@@ -54,9 +58,8 @@ def file(make_experiment: Callable[..., Path]) -> Path:
 
 @pytest.fixture
 def learners(file: Path, nodes: Any) -> PretendLearners:
-    from mabirds_core.assembly import build_game
 
-    return PretendLearners(nodes, build_game(load_experiment(file)).digest)
+    return PretendLearners(nodes, load_experiment(file))
 
 
 def test_nothing_is_sent_before_a_learner_is_there(nodes: Any, file: Path, learners: PretendLearners) -> None:
@@ -120,6 +123,28 @@ def test_hz_can_change_while_it_plays(nodes: Any, file: Path, learners: PretendL
     assert median(gaps(times[6:])) == pytest.approx(0.02, abs=0.015)
 
 
+def test_rate_can_change_while_it_plays(nodes: Any, file: Path, learners: PretendLearners) -> None:
+    player = nodes.player(file, rate=5.0)
+    learners.acknowledge("learner_1", 0)
+    nodes.spin_until(lambda: len(learners.received["learner_1"]) == 4)
+    player.set_parameters([Parameter("rate", value=50.0)])
+    nodes.spin_until(lambda: len(learners.received["learner_1"]) == 14)
+    assert median(gaps(learners.times["learner_1"][5:])) == pytest.approx(0.02, abs=0.015)
+
+
+def test_the_slowest_speed_is_no_trouble(nodes: Any, file: Path, learners: PretendLearners) -> None:
+    nodes.player(file, hz=1e-12)
+    learners.acknowledge("learner_1", 0)
+    nodes.spin_until(lambda: learners.received["learner_1"] == [1])
+
+
+def test_a_learner_of_another_run_gets_nothing(nodes: Any, file: Path, learners: PretendLearners) -> None:
+    nodes.player(file, hz=100.0, run="tuesday")
+    learners.acknowledge("learner_1", 0)
+    nodes.spin_for(0.5)
+    assert learners.received == {}
+
+
 @pytest.mark.parametrize(("name", "value"), [("rate", 0.0), ("rate", -1.0), ("hz", -0.5), ("hz", 1e9), ("rate", "x")])
 def test_speeds_out_of_range_are_refused_and_change_nothing(nodes: Any, file: Path, name: str, value: Any) -> None:
     player = nodes.player(file)
@@ -177,12 +202,12 @@ def test_what_a_learner_lost_is_sent_again(nodes: Any, file: Path, learners: Pre
 
 
 def test_a_learner_of_another_game_gets_nothing(nodes: Any, file: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    learners = PretendLearners(nodes, "another game")
+    learners = PretendLearners(nodes, load_experiment(file), "another game")
     nodes.player(file, hz=100.0)
     learners.acknowledge("learner_1", 0)
     nodes.spin_for(0.5)
     assert learners.received == {}
-    assert "learner_1 plays another game: digest another game, here" in "".join(capfd.readouterr())
+    assert "learner_1 has another game: digest another game, here" in "".join(capfd.readouterr())
 
 
 def test_it_is_done_when_everything_is_acknowledged(nodes: Any, file: Path, learners: PretendLearners) -> None:

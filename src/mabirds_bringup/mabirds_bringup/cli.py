@@ -36,7 +36,8 @@ def main() -> None:
     except MabirdsError as error:
         _fail(str(error), exit_codes.BAD_INPUT)
     except OSError as error:
-        _fail(f"{error.filename}: {error.strerror}; choose a place that can be read and written", exit_codes.BAD_INPUT)
+        place = error.filename or "the output"
+        _fail(f"{place}: {error.strerror}; choose a place that can be read and written", exit_codes.BAD_INPUT)
     except TyperException as error:
         _fail(f"{error.format_message()} (see --help)", exit_codes.BAD_INPUT)
     if code == exit_codes.INTERRUPTED:
@@ -45,5 +46,5 @@ def main() -> None:
 
 
 def _fail(message: str, code: int) -> None:
-    console.print(f"error: {message}", style="red", markup=False, highlight=False, soft_wrap=True)
+    console.print(f"error: {message}", style="red", soft_wrap=True)
     sys.exit(code)

@@ -25,7 +25,7 @@ SEARCH_PERIOD = 0.2
 
 
 @dataclass
-class Learner:
+class WatchedLearner:
     """What is known of one learner, by its namespace."""
 
     namespace: str
@@ -51,12 +51,12 @@ class InspectorNode(Node):
 
     def __init__(
         self,
-        on_parameters: Callable[[Learner], None] = lambda _: None,
-        on_status: Callable[[Learner], None] = lambda _: None,
+        on_parameters: Callable[[WatchedLearner], None] = lambda _: None,
+        on_status: Callable[[WatchedLearner], None] = lambda _: None,
         **node_options: Any,
     ) -> None:
         super().__init__("inspector", **node_options)
-        self.learners: dict[str, Learner] = {}
+        self.learners: dict[str, WatchedLearner] = {}
         self._on_parameters, self._on_status = on_parameters, on_status
         self._parameter_clients: dict[str, AsyncParameterClient] = {}
         self.create_timer(SEARCH_PERIOD, self._search)
@@ -81,7 +81,7 @@ class InspectorNode(Node):
             self._ask_for_names(learner)
 
     def _watch(self, namespace: str) -> None:
-        learner = self.learners[namespace] = Learner(namespace)
+        learner = self.learners[namespace] = WatchedLearner(namespace)
         self._parameter_clients[namespace] = AsyncParameterClient(self, f"{namespace}/learner")
         for message_type, topic, field, qos, tell in (
             (LearnerStatus, topics.STATUS, "status", STATUS_QOS, self._on_status),
@@ -91,28 +91,32 @@ class InspectorNode(Node):
             receive = partial(self._on_message, learner, field, tell)
             self.create_subscription(message_type, f"{namespace}/{topic}", receive, qos)
 
-    def _on_message(self, learner: Learner, field: str, tell: Callable[[Learner], None], message: Any) -> None:
+    def _on_message(
+        self, learner: WatchedLearner, field: str, tell: Callable[[WatchedLearner], None], message: Any
+    ) -> None:
         setattr(learner, field, message)
         tell(learner)
 
-    def _ask_for_names(self, learner: Learner) -> None:
+    def _ask_for_names(self, learner: WatchedLearner) -> None:
         client = self._parameter_clients[learner.namespace]
         if not learner.asked_for_names and learner.parameters is not None and client.services_are_ready():
             learner.asked_for_names = True
-            client.get_parameters(["experiment"]).add_done_callback(partial(self._on_experiment, learner))
+            client.get_parameters(["experiment", "run"]).add_done_callback(partial(self._on_experiment, learner))
 
-    def _on_experiment(self, learner: Learner, future: Any) -> None:
+    def _on_experiment(self, learner: WatchedLearner, future: Any) -> None:
         learner.answered = True
-        file = Path(future.result().values[0].string_value)
+        file, run = (value.string_value for value in future.result().values)
+        if not Path(file).is_file():
+            return  # of another host: features stay numbered
         try:
-            experiment = load_experiment(file)
+            experiment = load_experiment(Path(file))
         except MabirdsError:
-            return  # the file of another host: features stay numbered
-        if learner.parameters is not None and experiment.digest == learner.parameters.experiment_digest:
+            return
+        if learner.parameters is not None and experiment.run_digest(run) == learner.parameters.experiment_digest:
             learner.feature_names = build_game(experiment).cost_features.names
 
 
-def describe(learner: Learner, top: int) -> dict[str, Any]:
+def describe(learner: WatchedLearner, top: int) -> dict[str, Any]:
     """Everything about a learner as plain values; ``top``: how many of the costliest features."""
     content: dict[str, Any] = {"namespace": learner.namespace}
     if learner.status is not None:
@@ -133,7 +137,7 @@ def describe(learner: Learner, top: int) -> dict[str, Any]:
     return content
 
 
-def describe_parameters(learner: Learner, top: int) -> dict[str, Any]:
+def describe_parameters(learner: WatchedLearner, top: int) -> dict[str, Any]:
     """Iteration, norms and the costliest features of the newest parameters."""
     theta, omega = arrays(learner.parameters)
     order = np.argsort(omega, kind="stable")[:top]
@@ -145,5 +149,5 @@ def describe_parameters(learner: Learner, top: int) -> dict[str, Any]:
     }
 
 
-def _name(learner: Learner, feature: int) -> str:
+def _name(learner: WatchedLearner, feature: int) -> str:
     return learner.feature_names[feature] if learner.feature_names else f"feature {feature}"

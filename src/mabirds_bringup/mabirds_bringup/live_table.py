@@ -27,12 +27,12 @@ def live_table(experiment: Experiment, monitor: MonitorNode) -> Table:
 def _cells(experiment: Experiment, status: LearnerStatus | None) -> list[str]:
     if status is None:
         return ["-", "-", "starting", "", "", ""]
-    metrics = dict(zip(status.metric_names, status.metric_values, strict=True))
-    drops = dict(zip(status.drop_reasons, status.drop_counts, strict=True))
+    metrics = dict(zip(status.metric_names, status.metric_values, strict=False))
+    drops = dict(zip(status.drop_reasons, status.drop_counts, strict=False))
     return [
         f"{status.last_demonstration}/{experiment.iterations}",
         str(status.backlog),
-        "waiting" if status.waiting_for else STATES[status.state],
+        "waiting" if status.waiting_for else STATES.get(status.state, f"state {status.state}?"),
         ", ".join(status.waiting_for),
         f"{metrics['iteration_seconds']:.3f}" if "iteration_seconds" in metrics else "",
         ", ".join(f"{reason} {count}" for reason, count in drops.items()),

@@ -24,12 +24,12 @@ DEPTH = 10_000
 class MonitorNode(Node):
     """Collects theta(n), omega(n) and the newest status of every learner of an experiment, and records all to a bag.
 
-    ``parameters[name][n]``, ``statuses[name]``.
+    ``parameters[name][n]``, ``statuses[name]``. Messages of other runs are neither shown nor recorded.
     """
 
-    def __init__(self, experiment: Experiment, recording: BagWriter, **node_options: Any) -> None:
+    def __init__(self, experiment: Experiment, recording: BagWriter, run: str = "", **node_options: Any) -> None:
         super().__init__("monitor", **node_options)
-        self._experiment = experiment
+        self._experiment, self._digest = experiment, experiment.run_digest(run)
         self._recording = recording
         self.parameters: dict[str, dict[int, Parameters]] = {name: {} for name in experiment.learners}
         self.statuses: dict[str, LearnerStatus] = {}
@@ -45,11 +45,14 @@ class MonitorNode(Node):
             self.create_subscription(message_type, f"{name}/{topic}", partial(receive, name), qos)
 
     def _on_parameters(self, name: str, message: ParametersMessage) -> None:
-        if message.experiment_digest == self._experiment.digest:
-            self.parameters[name][message.iteration] = arrays(message)
+        if message.experiment_digest != self._digest:
+            return
+        self.parameters[name][message.iteration] = arrays(message)
         self._record(name, topics.PARAMETERS, message, nanoseconds(message.stamp))
 
     def _on_status(self, name: str, message: LearnerStatus) -> None:
+        if message.experiment_digest != self._digest:
+            return
         self.statuses[name] = message
         self._record(name, topics.STATUS, message, nanoseconds(message.stamp))
 
@@ -58,6 +61,12 @@ class MonitorNode(Node):
 
     def _record(self, name: str, topic: str, message: Any, time: int) -> None:
         self._recording.write(f"/{name}/{topic}", message, time)
+
+    @property
+    def all_learned(self) -> bool:
+        """Has every learner acknowledged its last demonstration?"""
+        last = self._experiment.iterations
+        return all(name in self.statuses and self.statuses[name].last_demonstration >= last for name in self.parameters)
 
     @property
     def finished(self) -> bool:

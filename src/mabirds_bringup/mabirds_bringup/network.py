@@ -1,8 +1,11 @@
 """Running an experiment as a network of processes: start, watch, stop."""
 
+import secrets
 import signal
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import rclpy
@@ -18,6 +21,9 @@ from mabirds_core.simulate import History
 from mabirds_msgs_py.bag_writer import BagWriter
 
 PLAYER = "expert_player"
+GRACE = 5.0
+"""Seconds in which the monitor hears what the player had heard when it left."""
+
 TICK = 0.1
 """Seconds after which the children are looked at, even if no message comes."""
 
@@ -49,14 +55,14 @@ class Network:
         before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # end as on Ctrl-C: nothing left behind
         children: list[NodeProcess] = []
         try:
-            with BagWriter(self.directory / "bag") as recording:
-                monitor = MonitorNode(self.experiment, recording)
+            with BagWriter(self.directory / "bag", keep=True) as recording:
+                monitor = MonitorNode(self.experiment, recording, self._run)
                 executor = SingleThreadedExecutor()
                 executor.add_node(monitor)
                 children.extend(self._start())
                 while not monitor.finished:
                     executor.spin_once(timeout_sec=TICK)
-                    self._check(children)
+                    self._check(children, lambda: _hear_out(executor, monitor))
                     on_tick(monitor)
                 return monitor.history()
         finally:
@@ -64,17 +70,31 @@ class Network:
             signal.signal(signal.SIGTERM, before)
             rclpy.try_shutdown()
 
+    @cached_property
+    def _run(self) -> str:
+        """A name that no other run has."""
+        return f"{self.directory.name}-{secrets.token_hex(4)}"
+
     def _start(self) -> list[NodeProcess]:
-        commands = {name: processes.learner_command(name, self.file) for name in self.experiment.learners}
-        commands[PLAYER] = processes.player_command(self.file, self.player)
+        commands = {name: processes.learner_command(name, self.file, self._run) for name in self.experiment.learners}
+        commands[PLAYER] = processes.player_command(self.file, {**self.player, "run": self._run})
         names = self.order or list(commands)
         return [processes.start(name, commands[name], self.directory / "logs") for name in names]
 
-    def _check(self, children: Sequence[NodeProcess]) -> None:
+    def _check(self, children: Sequence[NodeProcess], all_learned: Callable[[], bool]) -> None:
+        """Raise ProcessDiedError where a node has ended, unless it is the player and all is learned."""
         for child in children:
             code = child.exit_code
-            if code is not None and not (child.name == PLAYER and code == 0):
+            if code is not None and not (child.name == PLAYER and code == 0 and all_learned()):
                 raise ProcessDiedError(
                     f"{child.name} ended with exit code {code}; the end of {child.log}:\n"
                     + processes.last_lines(child.log)
                 )
+
+
+def _hear_out(executor: SingleThreadedExecutor, monitor: MonitorNode) -> bool:
+    """Has every learner learned everything? Waits a moment for messages that are still on their way."""
+    deadline = time.monotonic() + GRACE
+    while not monitor.all_learned and time.monotonic() < deadline:
+        executor.spin_once(timeout_sec=TICK)
+    return monitor.all_learned

@@ -1,5 +1,6 @@
 """The operating-system side of a run: one process a node, each in its own process group with its own log."""
 
+import json
 import os
 import signal
 import subprocess
@@ -32,17 +33,22 @@ class NodeProcess:
         return self.popen.poll()
 
 
-def learner_command(learner: str, experiment: Path) -> list[str]:
+def learner_command(learner: str, experiment: Path, run: str = "") -> list[str]:
     """The command line of one learner's process."""
-    arguments = ["-r", f"__ns:=/{learner}", "-p", f"experiment:={experiment}"]
-    return [sys.executable, "-m", "mabirds_learner", "--ros-args", *arguments]
+    remapping = ["-r", f"__ns:=/{learner}"]
+    parameters = _parameters({"experiment": str(experiment), "run": run})
+    return [sys.executable, "-m", "mabirds_learner", "--ros-args", *remapping, *parameters]
 
 
 def player_command(experiment: Path, parameters: Mapping[str, object]) -> list[str]:
     """The command line of the expert player's process."""
-    pairs = {"experiment": experiment, **parameters}
-    arguments = [part for name, value in pairs.items() for part in ("-p", f"{name}:={value}")]
+    arguments = _parameters({"experiment": str(experiment), **parameters})
     return [sys.executable, "-m", "mabirds_expert_player", "--ros-args", *arguments]
+
+
+def _parameters(values: Mapping[str, object]) -> list[str]:
+    """ROS parameters as arguments; as JSON, which ROS's YAML takes without tripping over spaces and signs."""
+    return [part for name, value in values.items() for part in ("-p", f"{name}:={json.dumps(value)}")]
 
 
 def start(name: str, command: Sequence[str], log_directory: Path) -> NodeProcess:

@@ -7,9 +7,11 @@ import platform
 import shlex
 import subprocess
 import sys
+from contextlib import suppress
 from dataclasses import asdict, fields
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
@@ -24,9 +26,11 @@ def create(root: Path, name: str) -> Path:
     """``root/<time>-<name>`` with a place for logs; ``root/latest`` points to it."""
     root.mkdir(parents=True, exist_ok=True)
     stem = f"{datetime.now(UTC):%Y%m%dT%H%M%S}-{name}"
-    taken = len(list(root.glob(f"{stem}*")))
-    directory = root / (f"{stem}-{taken + 1}" if taken else stem)
-    (directory / "logs").mkdir(parents=True)
+    for directory in (root / name for name in chain([stem], (f"{stem}-{n}" for n in count(2)))):
+        with suppress(FileExistsError):
+            directory.mkdir()
+            break
+    (directory / "logs").mkdir()
     _point(root / "latest", directory.name)
     return directory
 

@@ -1,7 +1,7 @@
 """MA-BIRDS without ROS: games, policies, Algorithm 1, mixing, schedules, metrics, the in-process network.
 
-Multi-Agent Bi-level Inverse Reward and constraint learning from Distributed Streaming demonstrations
-(Liu and Zhu, NeurIPS 2023). Equation numbers in this package are mapped in ``docs/equations.md``.
+MA-BIRDS, multi-agent behavior inference from distributed and streaming demonstrations, is the algorithm of Liu and
+Zhu (NeurIPS 2023). ``docs/equations.md`` maps the paper's equations to functions.
 """
 
 __version__ = "0.1.0"

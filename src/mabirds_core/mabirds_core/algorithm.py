@@ -19,7 +19,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from mabirds_core.arrays import Vector
-from mabirds_core.errors import ScheduleError
+from mabirds_core.errors import DivergenceError, ScheduleError
 from mabirds_core.games.interface import ConstrainedMarkovGame, Trajectories, Visitation, discounted_visitation
 from mabirds_core.policies.interface import Expectation, PolicyFinder
 from mabirds_core.rewards import RewardModel
@@ -96,6 +96,8 @@ class Learner:
         mixed = self._mix(state, neighbours)
         alpha, beta = self.steps.at(state.iteration)
         after = Parameters(mixed.theta - beta * gradient.theta, mixed.omega - alpha * gradient.omega)
+        if not all(np.isfinite(values).all() for values in after):
+            raise DivergenceError(f"iteration {state.iteration} made theta or omega infinite; lower alpha and beta")
         return Update(LearnerState(state.iteration + 1, after, recent[: self.window - 1]), gradient)
 
     def _gradient(self, theta: Vector, imagined: Visitation, recent: tuple[Trajectories, ...]) -> Parameters:

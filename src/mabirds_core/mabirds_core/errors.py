@@ -17,5 +17,9 @@ class ImpossibleTrajectoryError(MabirdsError):
     """A trajectory has the wrong shape, or a step that the game's dynamics do not allow."""
 
 
+class DivergenceError(MabirdsError):
+    """The iteration left the range of numbers."""
+
+
 class InfeasibleError(MabirdsError):
     """No trajectory from a start satisfies the hard constraints."""

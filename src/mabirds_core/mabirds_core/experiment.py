@@ -25,6 +25,9 @@ from mabirds_core.schedule import (
 LONGEST_VALUE = 60
 """Characters of a wrong value that an error shows."""
 
+RESERVED_NAMES = {"expert_player", "demonstration"}
+"""The player's name, and what a status says when a demonstration is missing."""
+
 LearnerName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 
 
@@ -108,6 +111,8 @@ class Experiment(_Settings):
 
     @model_validator(mode="after")
     def _fits_together(self) -> "Experiment":
+        if reserved := RESERVED_NAMES & set(self.learners):
+            raise ExperimentError(f"learners: {sorted(reserved)} is taken by another part; choose another name")
         validate(self.edge_schedule)
         if self.iterations > self.demonstrations.per_learner:
             raise ExperimentError(
@@ -129,16 +134,20 @@ class Experiment(_Settings):
 
     @property
     def digest(self) -> str:
-        """SHA-256 of what decides theta and omega: game, algorithm, learners and seed. Not of the bag's place."""
-        content = self.model_dump(mode="json", include={"game", "algorithm", "learners", "seed"})
+        """SHA-256 of what decides theta and omega and when to end. Not of the schedule, nor of the bag's place."""
+        content = self.model_dump(mode="json", include={"game", "algorithm", "learners", "iterations", "seed"})
         return digest(content)
+
+    def run_digest(self, run: str) -> str:
+        """Digest of one run of the experiment: two networks in one ROS domain are told apart by ``run``."""
+        return digest([self.digest, run]) if run else self.digest
 
 
 class _UniqueKeyLoader(yaml.SafeLoader):
     """YAML in which a setting that is written twice is an error, instead of the second silently winning."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:  # noqa: FBT001, FBT002
-        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
+        keys = [self.construct_object(key, deep=True) for key, _ in node.value if not key.tag.endswith(":merge")]
         for key in keys:
             if keys.count(key) > 1:
                 raise yaml.constructor.ConstructorError(None, None, f"{key!r} is set twice", node.start_mark)
@@ -153,7 +162,7 @@ def load_experiment(path: Path) -> Experiment:
         raise ExperimentError(
             f"{path}: cannot be read ({error.strerror}); give the path of an experiment file"
         ) from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
         raise ExperimentError(f"{path}: is not YAML: {error}") from None
     if not isinstance(content, dict):
         raise ExperimentError(f"{path}: expected the settings of an experiment, found {type(content).__name__}")
@@ -163,7 +172,11 @@ def load_experiment(path: Path) -> Experiment:
 def _checked(path: Path, content: dict[str, Any]) -> Experiment:
     try:
         # As JSON, so that strict types still let a list be a tuple: true is no number here, and "12" neither.
-        experiment = Experiment.model_validate_json(json.dumps(content, default=str), strict=True)
+        text = json.dumps(content, default=str)
+    except (ValueError, RecursionError) as error:
+        raise ExperimentError(f"{path}: {error}") from None
+    try:
+        experiment = Experiment.model_validate_json(text, strict=True)
     except ValidationError as error:
         raise ExperimentError(f"{path}: " + "; ".join(_explanations(error))) from None
     except MabirdsError as error:

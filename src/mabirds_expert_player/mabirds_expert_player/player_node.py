@@ -18,7 +18,6 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 
 from mabirds_core.assembly import build_game
-from mabirds_core.experiment import load_experiment
 from mabirds_expert_player.stream import Stream
 from mabirds_msgs_py import topics
 from mabirds_msgs_py.bag_reader import DemonstrationBag
@@ -26,7 +25,7 @@ from mabirds_msgs_py.conversion import NANOSECONDS
 from mabirds_msgs_py.environment import prepare_environment
 from mabirds_msgs_py.node_main import run_node
 from mabirds_msgs_py.qos import STATUS_QOS, latched
-from mabirds_msgs_py.ros_parameters import real, text, whole
+from mabirds_msgs_py.ros_parameters import declare_experiment, experiment_of, real, text, whole
 
 PATIENCE = 2.0
 """Seconds after which a demonstration that a waiting learner does not acknowledge is sent again."""
@@ -47,9 +46,11 @@ class ExpertPlayerNode(Node):
     def __init__(self, **node_options: Any) -> None:
         super().__init__("expert_player", **node_options)
         self._declare_parameters()
-        experiment = load_experiment(Path(self._value("experiment")))
+        experiment, self._experiment_digest = experiment_of(self)
+        self._schedule_digest = experiment.edge_schedule.digest
         self._game = build_game(experiment)
         directory = Path(self._value("bag") or experiment.demonstrations.bag)
+        self.get_logger().info(f"checking {directory}")
         self._bag = DemonstrationBag(directory, self._game, experiment.learners, at_least=experiment.iterations)
         window = self._value("window")
         self._streams = {name: Stream(experiment.iterations, window) for name in experiment.learners}
@@ -70,7 +71,7 @@ class ExpertPlayerNode(Node):
         super().destroy_node()
 
     def _declare_parameters(self) -> None:
-        self.declare_parameter("experiment", "", text("path of the experiment file (YAML)"))
+        declare_experiment(self)
         self.declare_parameter("bag", "", text("bag to play; empty: the experiment's"))
         self.declare_parameter("window", 16, whole("demonstrations ahead of what a learner has learned", 1, HISTORY))
         self.declare_parameter("rate", 1.0, real("speed, as a multiple of the recorded timing", 0.01, 1e4, fixed=False))
@@ -88,12 +89,7 @@ class ExpertPlayerNode(Node):
         return self.create_publisher(Demonstration, f"{learner}/{topics.DEMONSTRATION}", latched(HISTORY))
 
     def _on_status(self, learner: str, status: LearnerStatus) -> None:
-        if status.game_digest != self._game.digest:
-            self.get_logger().error(
-                f"{learner} plays another game: digest {status.game_digest}, here {self._game.digest};"
-                " start it with the same experiment file",
-                throttle_duration_sec=10.0,
-            )
+        if not self._same_network(learner, status):
             return
         stream = self._streams[learner]
         stream.acknowledge(status.last_demonstration)
@@ -102,6 +98,22 @@ class ExpertPlayerNode(Node):
                 self.get_logger().warning(f"{learner} still waits for demonstration {iteration}: sending it again")
                 self._publish(learner, iteration)
         self._play()
+
+    def _same_network(self, learner: str, status: LearnerStatus) -> bool:
+        """Does the learner run the same game, experiment and schedule? Says so where it does not."""
+        expected = {
+            "game": (status.game_digest, self._game.digest),
+            "experiment": (status.experiment_digest, self._experiment_digest),
+            "schedule": (status.schedule_digest, self._schedule_digest),
+        }
+        different = {name: pair for name, pair in expected.items() if pair[0] != pair[1]}
+        for name, (theirs, ours) in different.items():
+            self.get_logger().error(
+                f"{learner} has another {name}: digest {theirs}, here {ours}; start both with the same experiment"
+                " file and run",
+                throttle_duration_sec=10.0,
+            )
+        return not different
 
     def _play(self) -> None:
         """Send what is due and permitted, then set the timer to the next due time."""
@@ -131,11 +143,13 @@ class ExpertPlayerNode(Node):
         """
         open_streams = [] if self._paused else [name for name, stream in self._streams.items() if stream.open]
         pause = min((self._due(name) - now for name in open_streams), default=IDLE)
-        self._timer.timer_period_ns = max(1, int(pause * NANOSECONDS))
+        self._timer.timer_period_ns = max(1, int(min(pause, IDLE) * NANOSECONDS))
         self._timer.reset()
 
     def _publish(self, learner: str, iteration: int) -> None:
-        self._publishers_by_learner[learner].publish(self._bag.message(learner, iteration))
+        message = self._bag.message(learner, iteration)
+        message.experiment_digest = self._experiment_digest
+        self._publishers_by_learner[learner].publish(message)
 
     def _report_holding_back(self, learner: str, stream: Stream) -> None:
         """Say when holding back begins, and when the learner has made up for half a window."""
@@ -191,6 +205,7 @@ example: mabirds-expert-player --ros-args -p experiment:=ros_ws/config/patrol.ya
 
 parameters:
   experiment   path of the experiment file (YAML)
+  run          name of this run; learners of other runs get nothing ("")
   bag          bag to play; empty: the experiment's
   rate         speed, as a multiple of the recorded timing (1.0); may change while it runs
   hz           demonstrations a second; 0: the recorded timing times rate (0.0); may change while it runs

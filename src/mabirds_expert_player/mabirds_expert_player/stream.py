@@ -36,9 +36,12 @@ class Stream:
         return self.ready and self.sent < self.total and not self.held_back
 
     def acknowledge(self, iteration: int) -> None:
-        """The learner has learned everything up to ``iteration``; also where a player takes up after a restart."""
+        """The learner has learned everything up to ``iteration``.
+
+        Also where a player takes up after its own restart, and, where the number falls, after the learner's.
+        """
         self.ready = True
-        self.acknowledged = max(self.acknowledged, min(iteration, self.total))
+        self.acknowledged = min(iteration, self.total)
         self.sent = max(self.sent, self.acknowledged)
 
     def due_at(self, gap: Callable[[int], float]) -> float:
@@ -61,7 +64,7 @@ class Stream:
         if self.sent <= self.acknowledged or now - self.last_sent_at < patience:
             return range(0)
         self.last_sent_at = now
-        return range(self.acknowledged + 1, self.sent + 1)
+        return range(self.acknowledged + 1, min(self.sent, self.acknowledged + self.window) + 1)
 
 
 LATENESS = 0.05

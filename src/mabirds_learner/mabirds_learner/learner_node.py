@@ -8,7 +8,6 @@ import time
 from collections import Counter
 from collections.abc import Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from mabirds_msgs.msg import Demonstration, EdgeSchedule, LearnerStatus
@@ -18,8 +17,8 @@ from rclpy.client import Client
 from rclpy.node import Node
 
 from mabirds_core.assembly import build_learner
-from mabirds_core.experiment import load_experiment
-from mabirds_learner.session import StrictSession, norms
+from mabirds_core.errors import ExperimentError
+from mabirds_learner.session import StrictSession, default_history, norms
 from mabirds_msgs_py import topics
 from mabirds_msgs_py.conversion import (
     RefusedMessageError,
@@ -32,7 +31,7 @@ from mabirds_msgs_py.conversion import (
 from mabirds_msgs_py.environment import prepare_environment
 from mabirds_msgs_py.node_main import run_node
 from mabirds_msgs_py.qos import STATUS_QOS, latched
-from mabirds_msgs_py.ros_parameters import real, text, whole
+from mabirds_msgs_py.ros_parameters import declare_experiment, experiment_of, real, whole
 
 REPETITIONS = {"old_iteration", "duplicate"}
 """Reasons that are only counted: what is asked for again may arrive twice."""
@@ -45,13 +44,16 @@ class LearnerNode(Node):
         super().__init__("learner", **node_options)
         self._declare_parameters()
         self._fleet, self.learner_name = topics.split_namespace(self.get_namespace())
-        experiment = load_experiment(Path(self._value("experiment")))
+        if not self.learner_name:
+            raise ExperimentError("no namespace: a learner's namespace is its name; start with -r __ns:=/learner_1")
+        experiment, self._experiment_digest = experiment_of(self)
         learner = build_learner(experiment, self.learner_name)
+        self._parameter_history = self._value("parameter_history") or default_history(learner.schedule)
         self.session = StrictSession(
-            learner, experiment.iterations, self._value("demonstration_history"), self._value("parameter_history")
+            learner, experiment.iterations, self._value("demonstration_history"), self._parameter_history
         )
         self._game, self._schedule = learner.game, learner.schedule
-        self._experiment_digest = experiment.digest
+        self._stalled_at = 0
         self._drops: Counter[str] = Counter()
         self._metrics = norms(self.session.state.parameters)
         self._event = ""
@@ -61,12 +63,14 @@ class LearnerNode(Node):
         self._publish_status()
 
     def _declare_parameters(self) -> None:
-        self.declare_parameter("experiment", "", text("path of the experiment file (YAML)"))
+        declare_experiment(self)
         self.declare_parameter(
-            "demonstration_history", 256, whole("demonstrations kept ahead of the current iteration", 1, 100_000)
+            "demonstration_history", 256, whole("demonstrations kept ahead of the current iteration", 256, 100_000)
         )
         self.declare_parameter(
-            "parameter_history", 64, whole("iterations of parameters kept for and from neighbours", 2, 100_000)
+            "parameter_history",
+            0,
+            whole("iterations of parameters kept; 0: as many as the schedule needs, at least 64", 0, 100_000),
         )
         self.declare_parameter(
             "status_period", 1.0, real("seconds between two status messages while nothing changes", 0.05, 60.0)
@@ -76,9 +80,10 @@ class LearnerNode(Node):
         return self.get_parameter(name).value
 
     def _create_outputs(self) -> None:
-        history = latched(self._value("parameter_history"))
+        history = latched(self._parameter_history)
         self._parameter_publisher = self.create_publisher(ParametersMessage, topics.PARAMETERS, history)
-        self._status_publisher = self.create_publisher(LearnerStatus, topics.STATUS, STATUS_QOS)
+        # As deep, so that a recorder gets every status; readers that want the newest only ask for a depth of 1.
+        self._status_publisher = self.create_publisher(LearnerStatus, topics.STATUS, history)
         self._schedule_publisher = self.create_publisher(EdgeSchedule, topics.EDGE_SCHEDULE, STATUS_QOS)
         self._schedule_publisher.publish(schedule_message(self._schedule))
 
@@ -96,13 +101,13 @@ class LearnerNode(Node):
     def _listen_to(self, neighbour: int) -> None:
         name = self._schedule.learners[neighbour]
         topic = f"{self._fleet}{name}/{topics.PARAMETERS}"
-        history = latched(self._value("parameter_history"))
+        history = latched(self._parameter_history)
         self.create_subscription(ParametersMessage, topic, partial(self._on_parameters, neighbour), history)
         self._fetch[neighbour] = self.create_client(FetchParameters, f"{self._fleet}{name}/{topics.FETCH_PARAMETERS}")
 
     def _on_demonstration(self, message: Demonstration) -> None:
         try:
-            trajectory = read_demonstration(self._game, self.learner_name, message)
+            trajectory = read_demonstration(self._game, self.learner_name, message, self._experiment_digest)
             self.session.receive_demonstration(message.iteration, trajectory)
         except RefusedMessageError as error:
             self._drop(f"{topics.DEMONSTRATION} {message.iteration}", error)
@@ -127,10 +132,9 @@ class LearnerNode(Node):
             self.get_logger().warning(self._event)
 
     def _continue(self) -> None:
+        self._publish_status()
         if self.session.ready:
             self._next.trigger()
-        else:
-            self._publish_status()
 
     def _advance(self) -> None:
         """One update, if everything for it is there."""
@@ -145,20 +149,22 @@ class LearnerNode(Node):
             **norms(update.gradient, "gradient_"),
         }
         self._publish_parameters()
-        self._publish_status()
-        if self.session.ready:
-            self._next.trigger()
+        self._continue()
         if self.session.finished:
             self.get_logger().info(f"{self.learner_name}: all {self.session.iteration - 1} demonstrations learned")
 
     def _on_timer(self) -> None:
-        """Say that this learner lives, and ask again for what should have come by now."""
+        """Say that this learner lives, and ask again for what has been missing since the last time."""
         self._publish_status()
-        for neighbour in self.session.missing_neighbours():
-            client = self._fetch[neighbour]
-            if client.service_is_ready():
-                request = FetchParameters.Request(iteration=self.session.iteration)
-                client.call_async(request).add_done_callback(partial(self._on_fetched, neighbour))
+        stalled, self._stalled_at = self._stalled_at == self.session.iteration, self.session.iteration
+        for neighbour in self.session.missing_neighbours() if stalled else ():
+            self._ask_again(neighbour)
+
+    def _ask_again(self, neighbour: int) -> None:
+        client = self._fetch[neighbour]
+        if client.service_is_ready():
+            request = FetchParameters.Request(iteration=self.session.iteration)
+            client.call_async(request).add_done_callback(partial(self._on_fetched, neighbour))
 
     def _on_fetch(
         self, request: FetchParameters.Request, response: FetchParameters.Response
@@ -166,15 +172,20 @@ class LearnerNode(Node):
         parameters = self.session.own_parameters(request.iteration)
         response.found = parameters is not None
         if parameters is None:
-            response.message = f"{self.learner_name} is at iteration {self.session.iteration}"
+            oldest, newest = self.session.kept
+            response.message = f"{self.learner_name} keeps iterations {oldest} to {newest}"
         else:
             response.parameters = self._parameters_message(request.iteration, parameters)
         return response
 
     def _on_fetched(self, neighbour: int, future: Any) -> None:
         response = future.result()
-        if response is not None and response.found and neighbour in self.session.missing_neighbours():
+        if response is None or neighbour not in self.session.missing_neighbours():
+            return
+        if response.found:
             self._on_parameters(neighbour, response.parameters)
+        else:
+            self._event = f"iteration {self.session.iteration} is missing: {response.message}"
 
     def _now(self) -> int:
         return self.get_clock().now().nanoseconds
@@ -228,7 +239,8 @@ example: mabirds-learner --ros-args -r __ns:=/learner_1 -p experiment:=ros_ws/co
 parameters:
   experiment              path of the experiment file (YAML)
   demonstration_history   demonstrations kept ahead of the current iteration (256)
-  parameter_history       iterations of parameters kept for and from neighbours (64)
+  run                     name of this run; messages of other runs are refused ("")
+  parameter_history       iterations of parameters kept; 0: as many as the schedule needs, at least 64 (0)
   status_period           seconds between status messages while nothing changes (1.0)
 
 It ends on SIGINT or SIGTERM. Exit codes: 0 ended as asked, 2 wrong experiment, name or parameter."""

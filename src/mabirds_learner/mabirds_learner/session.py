@@ -12,7 +12,7 @@ import numpy as np
 from mabirds_core.algorithm import Learner, Parameters, Update
 from mabirds_core.errors import ScheduleError
 from mabirds_core.games.interface import Trajectories
-from mabirds_core.schedule import smallest_window
+from mabirds_core.schedule import EdgeSchedule, smallest_window
 from mabirds_msgs_py.conversion import RefusedMessageError
 
 DEMONSTRATION = "demonstration"
@@ -38,9 +38,7 @@ class StrictSession:
         self._require_history()
 
     def _require_history(self) -> None:
-        """A stalled learner stops another one within B iterations, that one a third, and so on: N - 1 times B."""
-        schedule = self.learner.schedule
-        lead = smallest_window(schedule) * (len(schedule.learners) - 1)
+        lead = longest_lead(self.learner.schedule)
         if self._parameter_history <= lead:
             raise ScheduleError(
                 f"parameter_history {self._parameter_history}: with this schedule a neighbour may be {lead}"
@@ -129,9 +127,24 @@ class StrictSession:
         self._own[self.iteration] = self.state.parameters
         self._own.pop(self.iteration - self._parameter_history, None)
 
+    @property
+    def kept(self) -> tuple[int, int]:
+        """Oldest and newest iteration of which own parameters are kept."""
+        return min(self._own), max(self._own)
+
     def own_parameters(self, iteration: int) -> Parameters | None:
         """theta(iteration), omega(iteration) of this learner, for a neighbour that missed them."""
         return self._own.get(iteration)
+
+
+def longest_lead(schedule: EdgeSchedule) -> int:
+    """How far a learner can be ahead of another: a stalled one stops a second within B iterations, and so on."""
+    return smallest_window(schedule) * (len(schedule.learners) - 1)
+
+
+def default_history(schedule: EdgeSchedule) -> int:
+    """Iterations of parameters to keep: 64, or what the schedule needs."""
+    return max(64, longest_lead(schedule) + 1)
 
 
 def norms(parameters: Parameters, prefix: str = "") -> dict[str, float]:

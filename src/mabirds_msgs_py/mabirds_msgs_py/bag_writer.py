@@ -39,12 +39,13 @@ class _PlainDumper(yaml.SafeDumper):
 
 
 class BagWriter:
-    """One bag, as a context manager. ``write`` takes messages of any ROS type in the order of their time.
+    """One bag, as a context manager. ``write`` takes messages of any ROS type.
 
-    Raises BagError where the directory exists already.
+    ``keep``: finish the bag after an error too, instead of removing it. Raises BagError where the directory exists.
     """
 
-    def __init__(self, directory: Path) -> None:
+    def __init__(self, directory: Path, *, keep: bool = False) -> None:
+        self._keep = keep
         if directory.exists():
             raise BagError(f"{directory}: exists already; name another directory, or remove it first")
         directory.mkdir(parents=True)
@@ -63,8 +64,8 @@ class BagWriter:
         return self
 
     def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
-        """Finish the bag; after an error remove it, since half a recording is none."""
-        if error is None:
+        """Finish the bag, or remove it."""
+        if error is None or self._keep:
             self.close()
         else:
             self._stream.close()

@@ -56,9 +56,16 @@ def demonstration_message(
     return message
 
 
-def read_demonstration(game: ConstrainedMarkovGame, learner: str, message: Demonstration) -> Trajectories:
-    """The trajectory in a message meant for ``learner``; raises RefusedMessageError for all others."""
+def read_demonstration(
+    game: ConstrainedMarkovGame, learner: str, message: Demonstration, experiment_digest: str = ""
+) -> Trajectories:
+    """The trajectory in a message meant for ``learner``; raises RefusedMessageError for all others.
+
+    A message that names a network must name this one.
+    """
     _require("wrong_learner", "learner", message.learner, learner)
+    if message.experiment_digest:
+        _require("wrong_experiment", "experiment digest", message.experiment_digest, experiment_digest)
     _require("wrong_game", "game digest", message.game_digest, game.digest)
     arrays = []
     for name, columns in (("states", message.state_size), ("actions", message.action_size)):

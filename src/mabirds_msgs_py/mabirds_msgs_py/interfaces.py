@@ -1,6 +1,7 @@
 """What ROS knows about a message type: its name, its text with all dependencies, its type hash (REP-2016)."""
 
 import json
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ def type_name(message_type: type) -> str:
     return f"{package}/msg/{message_type.__name__}"
 
 
+@cache
 def type_hash(message_type: type) -> str:
     """RIHS01 hash of the type, as nodes announce it during discovery."""
     name = type_name(message_type)

@@ -17,7 +17,7 @@ from mabirds_core.errors import MabirdsError
 EXIT_FINISHED = 0
 EXIT_BAD_INPUT = 2
 
-BAD_INPUT = (MabirdsError, InvalidParameterTypeException, InvalidParameterValueException, RCLError)
+BAD_INPUT = (MabirdsError, InvalidParameterTypeException, InvalidParameterValueException)
 
 SUPERVISOR = "MABIRDS_SUPERVISOR"
 """Environment variable: the process id of a parent without which this node should not live on."""
@@ -40,6 +40,9 @@ def run_node(create: Callable[[], Node], help_text: str, arguments: Sequence[str
     _end_with_supervisor()
     try:
         rclpy.init(args=given)
+    except RCLError as error:
+        return _refuse(error)
+    try:
         node = create()
         executor = SingleThreadedExecutor()
         executor.add_node(node)
@@ -47,13 +50,20 @@ def run_node(create: Callable[[], Node], help_text: str, arguments: Sequence[str
             executor.spin_once(timeout_sec=IDLE_WAKE_UP)
         node.destroy_node()
     except BAD_INPUT as error:
-        print(f"error: {error}", file=sys.stderr)  # noqa: T201 - there may be no logger yet
-        return EXIT_BAD_INPUT
+        return _refuse(error)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
+    except RCLError as error:
+        if rclpy.ok():  # else a signal took the context away in the middle of a call: ended as asked
+            return _refuse(error)
     finally:
         rclpy.try_shutdown()
     return EXIT_FINISHED
+
+
+def _refuse(error: Exception) -> int:
+    print(f"error: {error}", file=sys.stderr)  # noqa: T201 - there may be no logger yet
+    return EXIT_BAD_INPUT
 
 
 def _end_with_supervisor() -> None:

@@ -1,6 +1,27 @@
 """Descriptions of ROS parameters: what each means, its range, and whether it may change while the node runs."""
 
+from pathlib import Path
+
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.node import Node
+
+from mabirds_core.errors import ExperimentError
+from mabirds_core.experiment import Experiment, load_experiment
+
+
+def declare_experiment(node: Node) -> None:
+    """The parameters that say which experiment a node belongs to."""
+    node.declare_parameter("experiment", "", text("path of the experiment file (YAML)"))
+    node.declare_parameter("run", "", text("name of this run; messages of other runs are refused"))
+
+
+def experiment_of(node: Node) -> tuple[Experiment, str]:
+    """The experiment of a node and the digest of its run; raises ExperimentError where none can be read."""
+    file = node.get_parameter("experiment").value
+    if not file:
+        raise ExperimentError("the parameter experiment is not set; give -p experiment:=FILE")
+    experiment = load_experiment(Path(file))
+    return experiment, experiment.run_digest(node.get_parameter("run").value)
 
 
 def text(description: str) -> ParameterDescriptor:

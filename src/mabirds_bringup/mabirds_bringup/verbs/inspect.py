@@ -2,6 +2,7 @@
 
 import sys
 import time
+from contextlib import suppress
 from typing import Annotated, Any
 
 import rclpy
@@ -11,7 +12,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from mabirds_bringup import exit_codes
 from mabirds_bringup.console import console, guarded_output, print_json
-from mabirds_bringup.inspector import InspectorNode, Learner, describe, describe_parameters
+from mabirds_bringup.inspector import InspectorNode, WatchedLearner, describe, describe_parameters
 from mabirds_bringup.verbs.options import Json
 from mabirds_core.errors import ExperimentError
 from mabirds_learner.session import DEMONSTRATION
@@ -42,10 +43,10 @@ def _follow(top: int) -> int:
     """Print as messages come, until Ctrl-C."""
     shown: dict[str, str] = {}
 
-    def on_parameters(learner: Learner) -> None:
+    def on_parameters(learner: WatchedLearner) -> None:
         console.print(f"{learner.namespace} {_parameters_line(describe_parameters(learner, top))}", soft_wrap=True)
 
-    def on_status(learner: Learner) -> None:
+    def on_status(learner: WatchedLearner) -> None:
         line = _status_line(describe(learner, top))
         if shown.get(learner.namespace) != line:
             shown[learner.namespace] = line
@@ -54,7 +55,8 @@ def _follow(top: int) -> int:
     executor = SingleThreadedExecutor()
     executor.add_node(InspectorNode(on_parameters, on_status))
     console.print("looking for learners; Ctrl-C ends")
-    executor.spin()
+    with suppress(KeyboardInterrupt):
+        executor.spin()
     return exit_codes.FINISHED
 
 

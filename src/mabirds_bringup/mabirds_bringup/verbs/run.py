@@ -38,7 +38,7 @@ def run(
         directory = run_directory.create(out, experiment.name)
         run_directory.write_manifest(directory, experiment, file, "network")
         start = time.monotonic()
-        network = Network(experiment, file.resolve(), directory, {"rate": rate, "hz": hz})
+        network = Network(experiment, file.absolute(), directory, {"rate": rate, "hz": hz})
         with _Display(experiment) as display:
             history = network.run(display.update)
         content = write_results(experiment, history, directory, time.monotonic() - start)

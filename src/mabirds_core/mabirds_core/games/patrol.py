@@ -22,7 +22,7 @@ from mabirds_core.games.patrol_features import PatrolCostFeatures, PatrolRewardF
 MOVES = np.array([[-1, 0], [0, 1], [1, 0], [0, -1]])
 MOVE_NAMES = ("north", "east", "south", "west")
 N_MOVES = len(MOVES)
-MOST_PAIRS = 50_000_000
+MOST_PAIRS = 20_000_000
 """Joint state-action pairs that a learner can tabulate: some gigabytes."""
 
 Cell = tuple[int, int]

@@ -71,7 +71,7 @@ class ExactExpectation:
     def __call__(self, policy: Policy, rng: np.random.Generator) -> Visitation:  # noqa: ARG002 - nothing is drawn
         """Every pair of positive probability."""
         occupancy = occupancy_measure(self.game, policy)
-        if not np.isclose(occupancy.sum(), 1.0):
+        if not np.isclose(occupancy.sum(), 1.0, rtol=0, atol=1e-9):
             raise InfeasibleError(BLOCKED)
         weights = discounted_steps(self.game) * occupancy
         states, actions = np.nonzero(weights)

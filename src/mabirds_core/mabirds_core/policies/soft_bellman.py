@@ -1,4 +1,4 @@
-"""The constrained soft Bellman policy by exact soft value iteration (paper, section 4, equation (4)).
+"""The constrained soft Bellman policy by exact soft value iteration (paper, section 4).
 
     Q_t(s, a) = r_theta(s, a) + omega^T phi(s, a) + gamma V_{t+1}(s'),   s' = successor[s, a]
     V_t(s)    = log sum_a exp Q_t(s, a),                                 V_{T+1} = 0
