@@ -22,6 +22,7 @@ from rclpy.node import Node
 
 from mabirds_bringup import processes
 from mabirds_bringup.console import console, guarded_output
+from mabirds_bringup.network import ProcessDiedError
 from mabirds_core.experiment import load_experiment
 from mabirds_msgs_py.environment import prepare_environment
 from mabirds_msgs_py.qos import latched
@@ -46,12 +47,16 @@ def measure(logs: Path) -> dict[str, float]:
     listener, executor = Listener(), SingleThreadedExecutor()
     executor.add_node(listener)
 
+    names = load_experiment(PATROL).learners
+    nodes = [processes.start(name, processes.learner_command(name, PATROL), logs) for name in names]
+
     def spin_until(condition: Callable[[], Any]) -> None:
         while not condition():
             executor.spin_once(timeout_sec=0.1)
+            for node in nodes:
+                if node.exit_code:
+                    raise ProcessDiedError(f"{node.name} ended: {processes.last_lines(node.log)}")
 
-    names = load_experiment(PATROL).learners
-    nodes = [processes.start(name, processes.learner_command(name, PATROL), logs) for name in names]
     try:
         learner, start = psutil.Process(nodes[0].popen.pid), time.monotonic()
         spin_until(lambda: listener.statuses)

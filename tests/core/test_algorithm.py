@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from mabirds_core.algorithm import Learner, LearnerState, Parameters, StepSizes
 from mabirds_core.arrays import Vector
-from mabirds_core.errors import ScheduleError
+from mabirds_core.errors import DivergenceError, ScheduleError
 from mabirds_core.games.interface import Trajectories, Visitation, discounted_visitation
 from mabirds_core.games.patrol import PatrolGame
 from mabirds_core.policies.interface import Expectation, Policy
@@ -261,3 +261,10 @@ def test_a_longer_window_over_one_repeated_demonstration_changes_nothing() -> No
     first, second = single.update(state, demonstration, {}), longer.update(repeated, demonstration, {})
     np.testing.assert_allclose(first.gradient.theta, second.gradient.theta, atol=1e-13)
     np.testing.assert_allclose(first.gradient.omega, second.gradient.omega, atol=1e-13)
+
+
+def test_parameters_that_leave_the_range_of_numbers_are_refused_with_a_remedy() -> None:
+    wild = replace(learner(0), steps=StepSizes(alpha=1e120, beta=1.0))
+    demonstration = some_trajectories(hallway(), 1, seed=0)
+    with pytest.raises(DivergenceError, match="iteration 1 carried .* past 1e[+]100; lower alpha and beta"):
+        wild.update(wild.initial_state(), demonstration, neighbours_of(0, 1))

@@ -137,6 +137,35 @@ def test_a_wrong_setting_is_refused_by_place_and_value(
     assert value in message
 
 
+def test_merge_keys_are_no_repetition(tmp_path: Path) -> None:
+    file = tmp_path / "experiment.yaml"
+    text = yaml.safe_dump({key: value for key, value in SETTINGS.items() if key != "algorithm"})
+    file.write_text(
+        f"{text}algorithm:\n  <<: {{rollouts: 5, window: 2}}\n  rollouts: 7\n  steps: {{alpha: 1, beta: 1}}\n"
+    )
+    settings = load_experiment(file).algorithm
+    assert (settings.rollouts, settings.window) == (7, 2)
+
+
+def test_bottomless_yaml_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "experiment.yaml"
+    file.write_text("[" * 5000)
+    assert "is not YAML" in refusal(file)
+    file.write_text("name: &again [*again]\n")
+    assert refusal(file)
+
+
+@pytest.mark.parametrize("name", ["expert_player", "demonstration"])
+def test_names_of_other_parts_are_no_learners(tmp_path: Path, name: str) -> None:
+    assert f"['{name}'] is taken by another part" in refusal(write(tmp_path, changed({"learners": ["ann", name]})))
+
+
+def test_runs_of_one_experiment_have_digests_of_their_own() -> None:
+    one = experiment()
+    assert one.run_digest("") == one.digest
+    assert len({one.run_digest(run) for run in ("", "monday", "tuesday")}) == 3
+
+
 def test_a_setting_written_twice_is_refused(tmp_path: Path) -> None:
     file = write(tmp_path, SETTINGS)
     file.write_text(file.read_text(encoding="utf-8") + "seed: 4\n", encoding="utf-8")

@@ -180,9 +180,9 @@ def test_digests_see_direction_order_and_names() -> None:
         (("a", "a"), [[]], r"learners \['a', 'a'\]: expected at least one, each named once"),
         ((), [[]], r"learners \[\]: expected at least one"),
         (("a", "b"), [], "expected at least one slot"),
-        (("a", "b"), [[(0, 1)], [(1, 1)]], "edge 1 -> 1: expected two different learners"),
-        (("a", "b"), [[(0, 2)]], "edge 0 -> 2: expected two different learners"),
-        (("a", "b"), [[(-1, 1)]], "edge -1 -> 1: expected two different learners"),
+        (("a", "b"), [[(0, 1)], [(1, 1)]], "edge b -> b: expected two different learners"),
+        (("a", "b"), [[(0, 2)]], "edge a -> learner number 2: expected two different learners"),
+        (("a", "b"), [[(-1, 1)]], "edge learner number -1 -> b: expected two different learners"),
     ],
 )
 def test_impossible_schedules_are_refused_by_value(

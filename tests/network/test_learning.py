@@ -9,6 +9,7 @@ from mabirds_msgs.msg import LearnerStatus
 from rclpy.context import Context
 from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
 
+from mabirds_bringup.evaluation import evaluate
 from mabirds_bringup.monitor import MonitorNode
 from mabirds_bringup.network import PLAYER, Network
 from mabirds_bringup.verbs.simulate import simulate_from_bag
@@ -73,6 +74,33 @@ def test_patrol_as_processes_equals_the_reference(tmp_path: Path, rate: float, r
     history = Network(experiment, PATROL, tmp_path, {"rate": rate}, order).run()
     assert len(history["learner_1"]) == experiment.iterations + 1
     assert_same_bits(history, simulate_from_bag(experiment))
+
+
+def test_the_shipped_experiment_reaches_its_bar() -> None:
+    """What the README shows: both learners imitate safely after 40 demonstrations each, and miss no constraint."""
+    experiment = load_experiment(PATROL)
+    evaluation = evaluate(experiment, simulate_from_bag(experiment))
+    for name in experiment.learners:
+        final = evaluation.final(name)
+        assert final.iteration - 1 == 40
+        assert final.success_rate >= 0.96
+        assert final.violation_rate <= 0.04
+        assert final.false_negative_rate == 0.0
+
+
+def test_two_runs_in_one_domain_do_not_mix(make_experiment: Callable[..., Path], nodes: Any) -> None:
+    """The same names, the same game, other demonstrations: each network learns what its own reference learns."""
+    files = {run: make_experiment(iterations=6, name=run, change={"seed": seed}) for seed, run in enumerate(("a", "b"))}
+    learners = {
+        run: [nodes.learner(file, name, run=run) for name in ("learner_1", "learner_2")] for run, file in files.items()
+    }
+    for run, file in files.items():
+        nodes.player(file, hz=50.0, run=run)
+    nodes.spin_until(lambda: all(node.session.finished for network in learners.values() for node in network))
+    for run, file in files.items():
+        expected = simulate_from_bag(load_experiment(file))
+        for node in learners[run]:
+            assert bits(node.session.state.parameters) == bits(expected[node.learner_name][-1])
 
 
 def test_mixing_follows_the_schedule_at_every_iteration(make_experiment: Callable[..., Path], nodes: Any) -> None:

@@ -25,6 +25,9 @@ from mabirds_core.policies.interface import Expectation, PolicyFinder
 from mabirds_core.rewards import RewardModel
 from mabirds_core.schedule import EdgeSchedule
 
+LARGEST = 1e100
+"""No parameter may be larger: sums over features and steps would overflow."""
+
 
 class StepSizes(BaseModel):
     """alpha(n) = alpha / n^eta1 for omega, beta(n) = beta / n^eta2 for theta."""
@@ -96,8 +99,10 @@ class Learner:
         mixed = self._mix(state, neighbours)
         alpha, beta = self.steps.at(state.iteration)
         after = Parameters(mixed.theta - beta * gradient.theta, mixed.omega - alpha * gradient.omega)
-        if not all(np.isfinite(values).all() for values in after):
-            raise DivergenceError(f"iteration {state.iteration} made theta or omega infinite; lower alpha and beta")
+        if not all((np.abs(values) <= LARGEST).all() for values in after):
+            raise DivergenceError(
+                f"iteration {state.iteration} carried theta or omega past {LARGEST:g}; lower alpha and beta"
+            )
         return Update(LearnerState(state.iteration + 1, after, recent[: self.window - 1]), gradient)
 
     def _gradient(self, theta: Vector, imagined: Visitation, recent: tuple[Trajectories, ...]) -> Parameters:

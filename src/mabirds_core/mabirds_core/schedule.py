@@ -33,7 +33,13 @@ class EdgeSchedule:
             raise ScheduleError("expected at least one slot; a slot without edges is written as an empty list")
         for sender, receiver in self.all_edges:
             if sender == receiver or not {sender, receiver} <= set(range(len(self.learners))):
-                raise ScheduleError(f"edge {sender} -> {receiver}: expected two different learners of the experiment")
+                raise ScheduleError(
+                    f"edge {self._name(sender)} -> {self._name(receiver)}: expected two different learners of"
+                    f" {list(self.learners)}"
+                )
+
+    def _name(self, learner: int) -> str:
+        return self.learners[learner] if 0 <= learner < len(self.learners) else f"learner number {learner}"
 
     @property
     def all_edges(self) -> list[Edge]:

@@ -1,0 +1,95 @@
+"""What is shown while a network runs, without a network."""
+
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from mabirds_msgs.msg import LearnerStatus
+from rich.console import Console
+
+from mabirds_bringup import processes
+from mabirds_bringup.console import guarded_output, print_json
+from mabirds_bringup.evaluation import evaluate
+from mabirds_bringup.live_table import live_table, plain_line
+from mabirds_bringup.report import write_report
+from mabirds_bringup.verbs.simulate import simulate_from_bag
+from mabirds_core.experiment import Experiment, load_experiment
+
+
+@pytest.fixture
+def monitor() -> Any:
+    """A monitor that has heard learner_1 only."""
+    status = LearnerStatus(
+        learner="learner_1",
+        state=LearnerStatus.WAITING_FOR_NEIGHBOURS,
+        last_demonstration=4,
+        backlog=2,
+        waiting_for=["learner_2"],
+        metric_names=["iteration_seconds"],
+        metric_values=[0.0125],
+        drop_reasons=["not_finite"],
+        drop_counts=[3],
+    )
+    return SimpleNamespace(statuses={"learner_1": status}, consensus=lambda: (5, 0.25, 1.5))
+
+
+def test_the_live_table_says_who_waits_for_whom(experiment: Experiment, monitor: Any) -> None:
+    console = Console(width=100, record=True, file=open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115, PTH123
+    console.print(live_table(experiment, monitor))
+    console.file.close()
+    text = console.export_text()
+    for cell in ("4/6", "waiting", "learner_2", "0.013", "not_finite 3", "starting", "theta 0.25, omega 1.5"):
+        assert cell in text, text
+
+
+def test_a_status_of_a_newer_version_is_shown_too(experiment: Experiment, monitor: Any) -> None:
+    monitor.statuses["learner_1"].state = 99
+    monitor.statuses["learner_1"].waiting_for = []
+    assert "state 99?" in plain_line(experiment, monitor)
+
+
+def test_the_report_shows_its_numbers(tmp_path: Path) -> None:
+    row = {"iterations": 40, "violation_rate": 0.002, "success_rate": 0.998, "false_positive_rate": 0.237}
+    summary = {
+        "experiment": "<patrol>",
+        "constraint_threshold": 0.005,
+        "learners": {"learner_1": {**row, "false_negative_rate": 0.0}},
+        "consensus_distance": {"theta": 3.85, "omega": 6.95, "policy": 0.87},
+        "wall_seconds": 12.0,
+    }
+    write_report(tmp_path, summary, ["map.png"])
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    for text in ("&lt;patrol&gt;", "<td>40</td>", "<td>0.002</td>", "<td>0.998</td>", "exceeds 0.005", "map.png"):
+        assert text in page
+
+
+def test_what_libraries_print_does_not_spoil_json(capfd: pytest.CaptureFixture[str]) -> None:
+    with guarded_output() as stdout:
+        os.write(1, b"an error of the middleware\n")
+        print_json({"a": 1}, stdout)
+    output, errors = capfd.readouterr()
+    assert output == '{"a": 1}\n'
+    assert "an error of the middleware" in errors
+
+
+def test_a_node_that_ignores_sigterm_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(processes, "STOP_PATIENCE", 0.2)
+    script = "import signal; signal.signal(signal.SIGTERM, signal.SIG_IGN); print('deaf'); signal.pause()"
+    child = processes.start("deaf", [sys.executable, "-c", script], tmp_path)
+    while "deaf" not in child.log.read_text(encoding="utf-8"):
+        assert child.exit_code is None
+    processes.stop([child])
+    assert child.exit_code == -9
+
+
+def test_the_time_series_of_consensus_has_one_value_an_iteration(make_experiment: Callable[..., Path]) -> None:
+    experiment = load_experiment(make_experiment(iterations=4))
+    evaluation = evaluate(experiment, simulate_from_bag(experiment))
+    assert len(evaluation.consensus_theta) == len(evaluation.consensus_omega) == 5
+    assert evaluation.consensus_theta[0] == 0.0
+    assert np.isfinite(evaluation.consensus_omega).all()
