@@ -14,6 +14,7 @@ from games import (
     random_policy,
 )
 
+from mabirds_core.algorithm import Parameters
 from mabirds_core.games.interface import TabularGame, Trajectories
 from mabirds_core.games.patrol import PatrolGame
 from mabirds_core.metrics import (
@@ -22,6 +23,7 @@ from mabirds_core.metrics import (
     constraint_errors,
     exact_imitation,
     learned_constraints,
+    norms,
     policy_distance,
     sampled_imitation,
 )
@@ -170,3 +172,7 @@ def test_policy_distance_of_equal_policies_is_zero() -> None:
     policy = random_policy(game, np.random.default_rng(3))
     assert policy_distance(game, [policy, policy, policy]) == 0
     assert policy_distance(game, [policy]) == 0
+
+
+def test_norms_are_euclidean_and_named() -> None:
+    assert norms(Parameters(np.array([3.0, -4.0]), np.array([2.0]))) == {"theta_norm": 5.0, "omega_norm": 2.0}

@@ -15,6 +15,7 @@ from mabirds_bringup.live_table import STATES
 from mabirds_core.assembly import build_game
 from mabirds_core.errors import MabirdsError
 from mabirds_core.experiment import load_experiment
+from mabirds_core.metrics import norms
 from mabirds_msgs_py import topics
 from mabirds_msgs_py.conversion import arrays
 from mabirds_msgs_py.interfaces import type_name
@@ -139,13 +140,12 @@ def describe(learner: WatchedLearner, top: int) -> dict[str, Any]:
 
 def describe_parameters(learner: WatchedLearner, top: int) -> dict[str, Any]:
     """Iteration, norms and the costliest features of the newest parameters."""
-    theta, omega = arrays(learner.parameters)
-    order = np.argsort(omega, kind="stable")[:top]
+    parameters = arrays(learner.parameters)
+    order = np.argsort(parameters.omega, kind="stable")[:top]
     return {
         "iteration": learner.parameters.iteration if learner.parameters else None,
-        "theta_norm": float(np.linalg.norm(theta)),
-        "omega_norm": float(np.linalg.norm(omega)),
-        "costliest": [{"feature": _name(learner, int(k)), "cost": float(-omega[k])} for k in order],
+        **norms(parameters),
+        "costliest": [{"feature": _name(learner, int(k)), "cost": float(-parameters.omega[k])} for k in order],
     }
 
 

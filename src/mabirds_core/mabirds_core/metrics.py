@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mabirds_core.algorithm import Parameters
 from mabirds_core.arrays import Mask, Vector, weighted_counts
 from mabirds_core.games.interface import TabularGame, Trajectories
 from mabirds_core.policies.interface import Policy
@@ -76,3 +77,8 @@ def policy_distance(game: TabularGame, policies: Sequence[Policy]) -> float:
     return max(
         (float(np.abs(a - b).sum() / 2) for i, a in enumerate(occupancies) for b in occupancies[:i]), default=0.0
     )
+
+
+def norms(parameters: Parameters) -> dict[str, float]:
+    """Euclidean norms of theta and omega, by name."""
+    return {f"{name}_norm": float(np.sqrt((values**2).sum())) for name, values in parameters._asdict().items()}

@@ -18,7 +18,8 @@ from rclpy.node import Node
 
 from mabirds_core.assembly import build_learner
 from mabirds_core.errors import ExperimentError
-from mabirds_learner.session import StrictSession, default_history, norms
+from mabirds_core.metrics import norms
+from mabirds_learner.session import StrictSession, default_history
 from mabirds_msgs_py import topics
 from mabirds_msgs_py.conversion import (
     RefusedMessageError,
@@ -146,7 +147,7 @@ class LearnerNode(Node):
         self._metrics = {
             "iteration_seconds": seconds,
             **norms(update.state.parameters),
-            **norms(update.gradient, "gradient_"),
+            **{f"gradient_{name}": value for name, value in norms(update.gradient).items()},
         }
         self._publish_parameters()
         self._continue()

@@ -7,8 +7,6 @@ theta(n), omega(n) of every in-neighbour of E(n); it waits for as long as one is
 from collections import defaultdict
 from collections.abc import Mapping
 
-import numpy as np
-
 from mabirds_core.algorithm import Learner, Parameters, Update
 from mabirds_core.errors import ScheduleError
 from mabirds_core.games.interface import Trajectories
@@ -145,11 +143,3 @@ def longest_lead(schedule: EdgeSchedule) -> int:
 def default_history(schedule: EdgeSchedule) -> int:
     """Iterations of parameters to keep: 64, or what the schedule needs."""
     return max(64, longest_lead(schedule) + 1)
-
-
-def norms(parameters: Parameters, prefix: str = "") -> dict[str, float]:
-    """Euclidean norms by name, for status messages."""
-    return {
-        f"{prefix}theta_norm": float(np.sqrt((parameters.theta**2).sum())),
-        f"{prefix}omega_norm": float(np.sqrt((parameters.omega**2).sum())),
-    }
