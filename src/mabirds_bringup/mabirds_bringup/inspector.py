@@ -145,7 +145,7 @@ def describe_parameters(learner: WatchedLearner, top: int) -> dict[str, Any]:
     return {
         "iteration": learner.parameters.iteration if learner.parameters else None,
         **norms(parameters),
-        "costliest": [{"feature": _name(learner, int(k)), "cost": float(-parameters.omega[k])} for k in order],
+        "costliest": [{"feature": _name(learner, int(k)), "cost": float(0.0 - parameters.omega[k])} for k in order],
     }
 
 
