@@ -5,9 +5,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from mabirds_msgs.msg import Parameters
 
 from mabirds_bringup import processes
 from mabirds_core.experiment import load_experiment
+from mabirds_msgs_py.interfaces import type_hash
 
 TOPICS = ("demonstration", "parameters")
 # learner_1 and learner_3 never talk to each other directly.
@@ -53,9 +55,7 @@ def test_a_learner_subscribes_to_nothing_else(graph: Any) -> None:
 
 
 def test_the_types_on_the_wire_are_the_installed_ones(graph: Any) -> None:
-    from mabirds_msgs.msg import Parameters
 
-    from mabirds_msgs_py.interfaces import type_hash
 
     (publisher,) = graph.get_publishers_info_by_topic("/learner_1/parameters")
     assert str(publisher.topic_type_hash).startswith("RIHS01_")

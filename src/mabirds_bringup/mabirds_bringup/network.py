@@ -3,7 +3,7 @@
 import secrets
 import signal
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -21,6 +21,8 @@ from mabirds_core.simulate import History
 from mabirds_msgs_py.bag_writer import BagWriter
 
 PLAYER = "expert_player"
+"""Name of the player among the processes."""
+
 GRACE = 5.0
 """Seconds in which the monitor hears what the player had heard when it left."""
 
@@ -75,11 +77,13 @@ class Network:
         """A name that no other run has."""
         return f"{self.directory.name}-{secrets.token_hex(4)}"
 
-    def _start(self) -> list[NodeProcess]:
+    def _start(self) -> Iterator[NodeProcess]:
+        """Start one node after the other; lazily, so that the caller knows each one even if a later one fails."""
         commands = {name: processes.learner_command(name, self.file, self._run) for name in self.experiment.learners}
         commands[PLAYER] = processes.player_command(self.file, {**self.player, "run": self._run})
         names = self.order or list(commands)
-        return [processes.start(name, commands[name], self.directory / "logs") for name in names]
+        for name in names:
+            yield processes.start(name, commands[name], self.directory / "logs")
 
     def _check(self, children: Sequence[NodeProcess], all_learned: Callable[[], bool]) -> None:
         """Raise ProcessDiedError where a node has ended, unless it is the player and all is learned."""
