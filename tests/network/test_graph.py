@@ -56,7 +56,6 @@ def test_a_learner_subscribes_to_nothing_else(graph: Any) -> None:
 
 def test_the_types_on_the_wire_are_the_installed_ones(graph: Any) -> None:
 
-
     (publisher,) = graph.get_publishers_info_by_topic("/learner_1/parameters")
     assert str(publisher.topic_type_hash).startswith("RIHS01_")
     assert str(publisher.topic_type_hash) == type_hash(Parameters)
