@@ -21,6 +21,8 @@ setup(
         "console_scripts": [
             "mabirds-learner = mabirds_learner.learner_node:main",
             "learner = mabirds_learner.learner_node:main",
+            "mabirds-central = mabirds_learner.central_node:main",
+            "central = mabirds_learner.central_node:main",
         ],
     },
 )

@@ -7,11 +7,13 @@ import pytest
 from games import SlowPatrol, hallway
 from pydantic import ValidationError
 
-from mabirds_core.algorithm import Learner, LearnerState, Parameters, StepSizes
-from mabirds_core.arrays import Vector
+from mabirds_core.algorithm import Learner, LearnerState
+from mabirds_core.arrays import Indices, Vector
 from mabirds_core.errors import DivergenceError, ScheduleError
 from mabirds_core.games.interface import Trajectories, Visitation, discounted_visitation
 from mabirds_core.games.patrol import PatrolGame
+from mabirds_core.gradient import GradientEstimator
+from mabirds_core.parameters import Parameters, StepSizes
 from mabirds_core.policies.interface import Expectation, Policy
 from mabirds_core.policies.occupancy import SampledExpectation, rollouts
 from mabirds_core.policies.soft_bellman import SoftBellmanFinder, soft_bellman_policy
@@ -36,7 +38,7 @@ class GivenRollouts:
     game: PatrolGame
     trajectories: Trajectories
 
-    def __call__(self, policy: Policy, rng: np.random.Generator) -> Visitation:
+    def __call__(self, policy: Policy, rng: np.random.Generator, starts: Indices | None = None) -> Visitation:
         return discounted_visitation(self.trajectories, self.game.discount)
 
 
@@ -50,7 +52,7 @@ def learner(index: int, window: int = 1, seed: int = 5, expectation: Expectation
     reward = LinearReward(game.reward_features)
     finder = SoftBellmanFinder(game, reward, game.cost_features)
     sampled = expectation or SampledExpectation(game, 4)
-    return Learner(index, game, reward, finder, sampled, SCHEDULE, STEPS, window, seed)
+    return Learner(index, GradientEstimator(game, reward, finder, sampled), SCHEDULE, STEPS, window, seed)
 
 
 def random_parameters(seed: int) -> Parameters:
@@ -125,7 +127,7 @@ def test_an_update_uses_rollouts_of_the_policy_of_its_own_parameters_and_generat
         random_parameters(9),
         some_trajectories(game, 1, seed=1),
     )
-    policy = one.finder.find(*own)
+    policy = one.estimator.finder.find(*own)
     imagined = rollouts(game, policy, 4, np.random.default_rng([5, 1, 2]))
     found = one.update(LearnerState(2, own, ()), demonstration, {}).gradient
     both = naive_totals(game, imagined), naive_totals(game, demonstration)
@@ -196,7 +198,7 @@ def test_all_learners_and_iterations_of_a_network_draw_differently() -> None:
     game, draws = hallway(), []
     demonstration = some_trajectories(game, 1, seed=1)
 
-    def recorded(policy: Policy, rng: np.random.Generator) -> Visitation:
+    def recorded(policy: Policy, rng: np.random.Generator, starts: Indices | None = None) -> Visitation:
         draws.append(rng.random())
         return discounted_visitation(demonstration, game.discount)
 
@@ -266,5 +268,5 @@ def test_a_longer_window_over_one_repeated_demonstration_changes_nothing() -> No
 def test_parameters_that_leave_the_range_of_numbers_are_refused_with_a_remedy() -> None:
     wild = replace(learner(0), steps=StepSizes(alpha=1e120, beta=1.0))
     demonstration = some_trajectories(hallway(), 1, seed=0)
-    with pytest.raises(DivergenceError, match="iteration 1 carried .* past 1e[+]100; lower alpha and beta"):
+    with pytest.raises(DivergenceError, match="step 1 carried .* past 1e[+]100; lower alpha and beta"):
         wild.update(wild.initial_state(), demonstration, neighbours_of(0, 1))

@@ -3,9 +3,9 @@
 import pytest
 from experiments import experiment
 
-from mabirds_core.algorithm import StepSizes
 from mabirds_core.assembly import build_game, build_learner
 from mabirds_core.errors import ExperimentError
+from mabirds_core.parameters import StepSizes
 from mabirds_core.policies.occupancy import ExactExpectation, SampledExpectation
 
 
@@ -20,8 +20,8 @@ def test_a_learner_has_the_settings_of_its_experiment() -> None:
 
 
 def test_the_expectation_is_that_of_the_settings() -> None:
-    sampled = build_learner(experiment({"algorithm.rollouts": 17}), "ann").expectation
-    exact = build_learner(experiment({"algorithm.expectation": "exact"}), "ann").expectation
+    sampled = build_learner(experiment({"algorithm.rollouts": 17}), "ann").estimator.expectation
+    exact = build_learner(experiment({"algorithm.expectation": "exact"}), "ann").estimator.expectation
     assert isinstance(sampled, SampledExpectation)
     assert sampled.count == 17
     assert isinstance(exact, ExactExpectation)

@@ -113,7 +113,7 @@ SLOTS = {"kind": "slots", "slots": [[["ann", "bob"], ["bob", "ann"]]]}
         ({"algorithm.window": 0}, "algorithm.window", "0"),
         ({"algorithm.rollouts": 0}, "algorithm.rollouts", "0"),
         ({"algorithm.expectation": "guessed"}, "algorithm.expectation", "'guessed'"),
-        ({"algorithm.reward": "neural"}, "algorithm.reward", "'neural'"),
+        ({"algorithm.reward": {"kind": "deep"}}, "algorithm.reward", "deep"),
         ({"algorithm.steps.alpha": 0}, "algorithm.steps.alpha", "0"),
         ({"algorithm.steps.eta1": 0.5}, "algorithm.steps.eta1", "0.5"),
         ({"algorithm.steps.eta2": "fast"}, "algorithm.steps.eta2", "'fast'"),

@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 from games import central_differences, discounted_sums, hallway, log_likelihoods, patrol
 
-from mabirds_core.algorithm import Learner, LearnerState, Parameters, StepSizes
+from mabirds_core.algorithm import Learner, LearnerState
 from mabirds_core.arrays import Vector
 from mabirds_core.games.interface import Trajectories, discounted_visitation
 from mabirds_core.games.patrol import PatrolGame
+from mabirds_core.gradient import GradientEstimator
+from mabirds_core.parameters import Parameters, StepSizes
 from mabirds_core.policies.occupancy import ExactExpectation, rollouts
 from mabirds_core.policies.soft_bellman import SoftBellmanFinder, SoftBellmanPolicy, soft_bellman_policy
 from mabirds_core.rewards import LinearReward
@@ -56,7 +58,8 @@ def exact_learner(game: PatrolGame, window: int) -> Learner:
     reward = LinearReward(game.reward_features)
     finder = SoftBellmanFinder(game, reward, game.cost_features)
     schedule, steps = EdgeSchedule(("alone",), (frozenset(),)), StepSizes(alpha=1, beta=1)
-    return Learner(0, game, reward, finder, ExactExpectation(game), schedule, steps, window, seed=0)
+    estimator = GradientEstimator(game, reward, finder, ExactExpectation(game))
+    return Learner(0, estimator, schedule, steps, window, seed=0)
 
 
 def differences(objective: Objective, at: Parameters) -> Parameters:

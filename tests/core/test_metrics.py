@@ -14,7 +14,6 @@ from games import (
     random_policy,
 )
 
-from mabirds_core.algorithm import Parameters
 from mabirds_core.games.interface import TabularGame, Trajectories
 from mabirds_core.games.patrol import PatrolGame
 from mabirds_core.metrics import (
@@ -27,6 +26,7 @@ from mabirds_core.metrics import (
     policy_distance,
     sampled_imitation,
 )
+from mabirds_core.parameters import Parameters
 from mabirds_core.policies.occupancy import rollouts
 from mabirds_core.policies.soft_bellman import SoftBellmanPolicy, soft_bellman_policy
 

@@ -7,14 +7,15 @@ import numpy as np
 import pytest
 from experiments import demonstrations, experiment
 
-from mabirds_core.algorithm import LearnerState, Parameters
+from mabirds_core.algorithm import LearnerState
 from mabirds_core.arrays import Vector
 from mabirds_core.assembly import build_learner
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment import Experiment
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.metrics import consensus_distance
-from mabirds_core.simulate import History, simulate
+from mabirds_core.parameters import Parameters
+from mabirds_core.simulate import History, Progress, simulate
 
 SLOTS: dict[str, Any] = {
     "kind": "slots",
@@ -75,9 +76,11 @@ def test_a_history_holds_every_iteration_of_every_learner_from_zero_on() -> None
 
 
 def test_iterations_are_reported_in_order() -> None:
-    settings, seen = experiment(), list[int]()
+    settings, seen = experiment(), list[Progress]()
     simulate(settings, demonstrations(settings), seen.append)
-    assert seen == list(range(1, 13))
+    assert [one.work.gradient_steps for one in seen] == [n for n in range(1, 13) for _ in settings.learners]
+    assert [one.name for one in seen[:3]] == list(settings.learners)
+    assert all(one.seconds > 0 for one in seen)
 
 
 def test_the_same_seed_gives_the_same_bits_and_another_seed_others() -> None:
@@ -196,7 +199,7 @@ def test_learning_makes_the_demonstrations_likelier() -> None:
     streams = demonstrations(settings)
     history = simulate(settings, streams)
     learner = build_learner(settings, "ann")
-    uniform, learned = (learner.finder.find(*history["ann"][n]) for n in (0, settings.iterations))
+    uniform, learned = (learner.estimator.finder.find(*history["ann"][n]) for n in (0, settings.iterations))
     every = [demonstration for stream in streams.values() for demonstration in stream]
 
     def log_likelihood(policy: Any) -> float:

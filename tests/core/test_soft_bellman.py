@@ -70,7 +70,7 @@ def test_undiscounted_value_is_the_log_of_the_sum_of_exp_return_over_all_traject
     game: PatrolGame,
 ) -> None:
     reward = random_reward(game)
-    values = soft_value_iteration(game, reward)
+    values = soft_value_iteration(game, reward, game.discount)
     for start in range(game.n_states):
         enumerated = np.exp(returns(game, reward, trajectories_from(game, start))).sum()
         assert values[0, start] == pytest.approx(np.log(enumerated), abs=1e-12)
@@ -80,7 +80,7 @@ def test_undiscounted_value_is_the_log_of_the_sum_of_exp_return_over_all_traject
 def test_discounted_value_is_that_of_the_tree_of_trajectories(build: Build) -> None:
     game = build()
     reward = random_reward(game)
-    values = soft_value_iteration(game, reward)
+    values = soft_value_iteration(game, reward, game.discount)
     for start in np.random.default_rng(1).choice(game.n_states, size=5, replace=False):
         assert values[0, start] == pytest.approx(value_by_tree(game, reward, int(start)), abs=1e-12)
 
@@ -89,7 +89,7 @@ def test_discounted_value_is_that_of_the_tree_of_trajectories(build: Build) -> N
 def test_later_values_are_those_of_a_shorter_game(build: Build) -> None:
     game = build()
     reward = random_reward(game)
-    values = soft_value_iteration(game, reward)
+    values = soft_value_iteration(game, reward, game.discount)
     assert values.shape == (game.horizon + 2, game.n_states)
     for state in range(game.n_states):
         assert values[1, state] == pytest.approx(value_by_tree(game, reward, state, step=1), abs=1e-12)

@@ -9,7 +9,7 @@ import pytest
 
 from mabirds_core.errors import InfeasibleError
 from mabirds_core.games.patrol import PatrolGame, PatrolSettings
-from mabirds_expert_player.experts import OptimalExperts
+from mabirds_expert_player.experts import OptimalExperts, demonstrations
 
 Cell = tuple[int, int]
 Cells = tuple[Cell, ...]
@@ -85,7 +85,7 @@ every_game = pytest.mark.parametrize("name", GAMES)
 def paths(game: PatrolGame, count: int, seed: int = 0) -> list[tuple[Cells, ...]]:
     """The joint cells of some demonstrations, step by step."""
     found = []
-    for demonstration in OptimalExperts(game).demonstrations(count, np.random.default_rng(seed)):
+    for demonstration in demonstrations(OptimalExperts(game), count, np.random.default_rng(seed)):
         positions = game.encode(demonstration)[0].astype(int).reshape(-1, game.n_experts, 2)
         found.append(tuple(tuple((int(r), int(c)) for r, c in step) for step in positions))
     return found
@@ -99,7 +99,7 @@ def cost(game: PatrolGame, path: Sequence[Cells]) -> int:
 @every_game
 def test_experts_break_no_constraint(name: str) -> None:
     game, rng = GAMES[name], np.random.default_rng(1)
-    for demonstration in OptimalExperts(game).demonstrations(50, rng):
+    for demonstration in demonstrations(OptimalExperts(game), 50, rng):
         assert not game.violation[demonstration.states, demonstration.actions].any()
 
 
@@ -199,9 +199,9 @@ def test_as_many_demonstrations_come_as_are_asked_for() -> None:
 )
 def test_starts_without_a_clean_way_are_infeasible_with_a_remedy(game: PatrolGame, message: str) -> None:
     with pytest.raises(InfeasibleError) as caught:
-        next(OptimalExperts(game).demonstrations(1, np.random.default_rng(0)))
+        next(demonstrations(OptimalExperts(game), 1, np.random.default_rng(0)))
     assert str(caught.value).startswith(message)
-    assert str(caught.value).endswith("that breaks no constraint; change the starts, the map or the horizon")
+    assert str(caught.value).endswith("that breaks no constraint; change the starts, the map, the deadline or the horizon")
 
 
 def corridor(distance: int, horizon: int) -> OptimalExperts:
@@ -211,7 +211,7 @@ def corridor(distance: int, horizon: int) -> OptimalExperts:
 
 @pytest.mark.parametrize("distance", [1, 2, 3])
 def test_a_goal_that_takes_as_many_moves_as_the_horizon_is_reached(distance: int) -> None:
-    (arrived,) = corridor(distance, horizon=distance).demonstrations(1, np.random.default_rng(0))
+    (arrived,) = demonstrations(corridor(distance, horizon=distance), 1, np.random.default_rng(0))
     assert arrived.states.tolist() == [list(range(distance + 1))]
 
 
@@ -219,4 +219,4 @@ def test_a_goal_that_takes_as_many_moves_as_the_horizon_is_reached(distance: int
 def test_a_goal_that_takes_one_move_more_than_the_horizon_is_infeasible(distance: int) -> None:
     """A trajectory has T moves between its states s_0..s_T: arriving by the action of step T is too late."""
     with pytest.raises(InfeasibleError):
-        list(corridor(distance, horizon=distance - 1).demonstrations(1, np.random.default_rng(0)))
+        list(demonstrations(corridor(distance, horizon=distance - 1), 1, np.random.default_rng(0)))

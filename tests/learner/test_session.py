@@ -9,11 +9,11 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from mabirds_core.algorithm import Parameters
 from mabirds_core.assembly import build_game, build_learner
 from mabirds_core.errors import ScheduleError
 from mabirds_core.experiment import Experiment, load_experiment
 from mabirds_core.games.interface import Trajectories
+from mabirds_core.parameters import Parameters
 from mabirds_core.schedule import EdgeSchedule, smallest_window
 from mabirds_core.simulate import simulate
 from mabirds_learner.session import DEMONSTRATION, StrictSession

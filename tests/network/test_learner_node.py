@@ -10,9 +10,9 @@ from mabirds_msgs.msg import Parameters as ParametersMessage
 from mabirds_msgs.srv import FetchParameters
 from rclpy.exceptions import InvalidParameterValueException
 
-from mabirds_core.algorithm import Parameters
 from mabirds_core.errors import ExperimentError, ScheduleError
 from mabirds_core.experiment import Experiment, load_experiment
+from mabirds_core.parameters import Parameters
 from mabirds_learner.learner_node import LearnerNode
 from mabirds_msgs_py.bag_reader import DemonstrationBag
 from mabirds_msgs_py.conversion import parameters_message

@@ -13,8 +13,8 @@ from mabirds_bringup.evaluation import evaluate
 from mabirds_bringup.monitor import MonitorNode
 from mabirds_bringup.network import PLAYER, Network
 from mabirds_bringup.verbs.simulate import simulate_from_bag
-from mabirds_core.algorithm import Parameters
 from mabirds_core.experiment import load_experiment
+from mabirds_core.parameters import Parameters
 from mabirds_core.simulate import History
 from mabirds_msgs_py.bag_writer import BagWriter
 from mabirds_msgs_py.qos import latched
@@ -100,7 +100,7 @@ def test_two_runs_in_one_domain_do_not_mix(make_experiment: Callable[..., Path],
     for run, file in files.items():
         expected = simulate_from_bag(load_experiment(file))
         for node in learners[run]:
-            assert bits(node.session.state.parameters) == bits(expected[node.learner_name][-1])
+            assert bits(node.session.state.parameters) == bits(expected[node.own_name][-1])
 
 
 def test_mixing_follows_the_schedule_at_every_iteration(make_experiment: Callable[..., Path], nodes: Any) -> None:

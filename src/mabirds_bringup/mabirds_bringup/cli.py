@@ -9,6 +9,7 @@ from mabirds_bringup import exit_codes
 from mabirds_bringup.console import console
 from mabirds_bringup.network import ProcessDiedError
 from mabirds_bringup.verbs.bag import bag_app
+from mabirds_bringup.verbs.bench import bench_app
 from mabirds_bringup.verbs.inspect import inspect
 from mabirds_bringup.verbs.record import record
 from mabirds_bringup.verbs.run import run
@@ -24,6 +25,7 @@ app = typer.Typer(
 for verb in (run, simulate, record, inspect):
     app.command()(verb)
 app.add_typer(bag_app, name="bag")
+app.add_typer(bench_app, name="bench")
 
 
 def main() -> None:

@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from mabirds_core.algorithm import Parameters
-from mabirds_core.assembly import build_game, build_learner
+from mabirds_core.arrays import Array, weighted_counts
+from mabirds_core.assembly import build_game, policy_of
 from mabirds_core.experiment import Experiment
+from mabirds_core.games.patrol import PatrolGame
 from mabirds_core.metrics import (
     consensus_distance,
     constraint_errors,
@@ -16,6 +17,9 @@ from mabirds_core.metrics import (
     learned_constraints,
     policy_distance,
 )
+from mabirds_core.parameters import Parameters
+from mabirds_core.policies.interface import Policy
+from mabirds_core.policies.occupancy import occupancy_measure
 from mabirds_core.simulate import History
 
 
@@ -53,11 +57,11 @@ class Evaluation:
 def evaluate(experiment: Experiment, history: History, on_row: Callable[[], None] = lambda: None) -> Evaluation:
     """Evaluate theta(n), omega(n) of all learners and iterations, exactly; ``on_row`` is called after each."""
     game = build_game(experiment)
-    learner = build_learner(experiment, experiment.learners[0], game)
     rows = []
     for name, parameters in history.items():
+        policy = policy_of(experiment, name, game)
         for iteration, one in enumerate(parameters, start=1):
-            imitation = exact_imitation(game, learner.finder.find(*one))
+            imitation = exact_imitation(game, policy(one))
             errors = constraint_errors(one.omega, game.true_constraints, experiment.constraint_threshold)
             rows.append(Row(name, iteration, *imitation, *errors))
             on_row()
@@ -67,7 +71,7 @@ def evaluate(experiment: Experiment, history: History, on_row: Callable[[], None
         rows,
         [consensus_distance([one.theta for one in ones]) for ones in together],
         [consensus_distance([one.omega for one in ones]) for ones in together],
-        policy_distance(game, [learner.finder.find(*one) for one in final.values()]),
+        policy_distance(game, [policy_of(experiment, name, game)(one) for name, one in final.items()]),
         {name: _learned_names(experiment, game.cost_features.names, one) for name, one in final.items()},
     )
 
@@ -80,7 +84,7 @@ def _learned_names(experiment: Experiment, names: tuple[str, ...], parameters: P
 def summary(experiment: Experiment, evaluation: Evaluation, seconds: float) -> dict[str, Any]:
     """What summary.json holds. ``seconds``: wall time of the run."""
     learners = {}
-    for name in experiment.learners:
+    for name in evaluation.learned:
         final = asdict(evaluation.final(name))
         learners[name] = {
             "iterations": final.pop("iteration") - 1,
@@ -99,3 +103,10 @@ def summary(experiment: Experiment, evaluation: Evaluation, seconds: float) -> d
         },
         "wall_seconds": seconds,
     }
+
+
+def visits(game: PatrolGame, policy: Policy) -> Array:
+    """Discounted visitation of each expert's cells, shape (N_E, n), each row of sum 1."""
+    of_state = occupancy_measure(game, policy).sum(axis=1)
+    cells = game.cells(np.arange(game.n_states))
+    return np.stack([weighted_counts(own, of_state, game.n_cells) for own in cells])

@@ -16,10 +16,10 @@ STATES = {
 
 def live_table(experiment: Experiment, monitor: MonitorNode) -> Table:
     """One row a learner (seconds: of its newest iteration), the consensus distance below."""
-    table = Table(title=f"{experiment.name}: {len(experiment.learners)} learners", caption=caption(monitor))
+    table = Table(title=f"{experiment.name}: {len(monitor.names)} learning", caption=caption(monitor))
     for column in ("learner", "learned", "backlog", "state", "waits for", "seconds", "dropped"):
         table.add_column(column)
-    for name in experiment.learners:
+    for name in monitor.names:
         table.add_row(name, *_cells(experiment, monitor.statuses.get(name)))
     return table
 
@@ -49,6 +49,6 @@ def caption(monitor: MonitorNode) -> str:
 
 def plain_line(experiment: Experiment, monitor: MonitorNode) -> str:
     """The same in one line, for output that is not a terminal."""
-    cells = (_cells(experiment, monitor.statuses.get(name)) for name in experiment.learners)
-    rows = [f"{name} {row[0]} {row[2]} {row[3]}".rstrip() for name, row in zip(experiment.learners, cells, strict=True)]
+    cells = (_cells(experiment, monitor.statuses.get(name)) for name in monitor.names)
+    rows = [f"{name} {row[0]} {row[2]} {row[3]}".rstrip() for name, row in zip(monitor.names, cells, strict=True)]
     return "; ".join([*rows, caption(monitor)])

@@ -1,5 +1,6 @@
 """A node that watches learners: their statuses and parameters, never their demonstrations."""
 
+from collections.abc import Sequence
 from functools import partial
 from itertools import count, takewhile
 from typing import Any
@@ -8,9 +9,9 @@ from mabirds_msgs.msg import EdgeSchedule, LearnerStatus
 from mabirds_msgs.msg import Parameters as ParametersMessage
 from rclpy.node import Node
 
-from mabirds_core.algorithm import Parameters
 from mabirds_core.experiment import Experiment
 from mabirds_core.metrics import consensus_distance
+from mabirds_core.parameters import Parameters
 from mabirds_core.simulate import History
 from mabirds_msgs_py import topics
 from mabirds_msgs_py.bag_writer import BagWriter
@@ -24,16 +25,25 @@ DEPTH = 10_000
 class MonitorNode(Node):
     """Collects theta(n), omega(n) and the newest status of every learner of an experiment, and records all to a bag.
 
-    ``parameters[name][n]``, ``statuses[name]``. Messages of other runs are neither shown nor recorded.
+    ``names``: who learns, where it is not the experiment's learners. ``parameters[name][n]``, ``statuses[name]``.
+    Messages of other runs are neither shown nor recorded.
     """
 
-    def __init__(self, experiment: Experiment, recording: BagWriter, run: str = "", **node_options: Any) -> None:
+    def __init__(
+        self,
+        experiment: Experiment,
+        recording: BagWriter,
+        run: str = "",
+        names: Sequence[str] | None = None,
+        **node_options: Any,
+    ) -> None:
         super().__init__("monitor", **node_options)
         self._experiment, self._digest = experiment, experiment.run_digest(run)
         self._recording = recording
-        self.parameters: dict[str, dict[int, Parameters]] = {name: {} for name in experiment.learners}
+        self.names = tuple(names or experiment.learners)
+        self.parameters: dict[str, dict[int, Parameters]] = {name: {} for name in self.names}
         self.statuses: dict[str, LearnerStatus] = {}
-        for name in experiment.learners:
+        for name in self.names:
             self._watch(name)
 
     def _watch(self, name: str) -> None:
@@ -73,8 +83,7 @@ class MonitorNode(Node):
         """Has every learner made all updates, and has the result of the last one arrived?"""
         last = self._experiment.iterations + 1
         return all(last in known for known in self.parameters.values()) and all(
-            name in self.statuses and self.statuses[name].state == LearnerStatus.FINISHED
-            for name in self._experiment.learners
+            name in self.statuses and self.statuses[name].state == LearnerStatus.FINISHED for name in self.names
         )
 
     def consensus(self) -> tuple[int, float, float] | None:

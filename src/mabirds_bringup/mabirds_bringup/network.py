@@ -38,8 +38,8 @@ class ProcessDiedError(MabirdsError):
 class Network:
     """The processes of one experiment.
 
-    ``player``: parameters of the player, such as rate. ``order``: names in the order in which to start them;
-    the network must not depend on it.
+    ``player``: parameters of the player, such as rate. ``order``: names in the order in which to start them; the
+    network must not depend on it. ``method``: a central method that learns in the learners' place.
     """
 
     experiment: Experiment
@@ -47,6 +47,12 @@ class Network:
     directory: Path
     player: Mapping[str, object]
     order: Sequence[str] | None = None
+    method: str | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Who learns."""
+        return (self.method,) if self.method else self.experiment.learners
 
     def run(self, on_tick: Callable[[MonitorNode], None] = lambda _: None) -> History:
         """Run until every learner has learned everything; returns what the monitor received.
@@ -58,7 +64,7 @@ class Network:
         children: list[NodeProcess] = []
         try:
             with BagWriter(self.directory / "bag", keep=True) as recording:
-                monitor = MonitorNode(self.experiment, recording, self._run)
+                monitor = MonitorNode(self.experiment, recording, self._run, self.names)
                 executor = SingleThreadedExecutor()
                 executor.add_node(monitor)
                 children.extend(self._start())
@@ -79,8 +85,10 @@ class Network:
 
     def _start(self) -> Iterator[NodeProcess]:
         """Start one node after the other; lazily, so that the caller knows each one even if a later one fails."""
-        commands = {name: processes.learner_command(name, self.file, self._run) for name in self.experiment.learners}
-        commands[PLAYER] = processes.player_command(self.file, {**self.player, "run": self._run})
+        command = processes.central_command if self.method else processes.learner_command
+        commands = {name: command(name, self.file, self._run) for name in self.names}
+        player = {**self.player, "run": self._run, "central": self.method or ""}
+        commands[PLAYER] = processes.player_command(self.file, player)
         names = self.order or list(commands)
         for name in names:
             yield processes.start(name, commands[name], self.directory / "logs")

@@ -40,6 +40,12 @@ def learner_command(learner: str, experiment: Path, run: str = "") -> list[str]:
     return [sys.executable, "-m", "mabirds_learner", "--ros-args", *remapping, *parameters]
 
 
+def central_command(method: str, experiment: Path, run: str = "") -> list[str]:
+    """The command line of a central method's process."""
+    parameters = _parameters({"experiment": str(experiment), "run": run})
+    return [sys.executable, "-m", "mabirds_learner.central_node", "--ros-args", "-r", f"__ns:=/{method}", *parameters]
+
+
 def player_command(experiment: Path, parameters: Mapping[str, object]) -> list[str]:
     """The command line of the expert player's process."""
     arguments = _parameters({"experiment": str(experiment), **parameters})

@@ -1,5 +1,6 @@
 """report.html: the summary of a run as one page with its figures."""
 
+from collections.abc import Iterable, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -9,16 +10,14 @@ PAGE = """<!doctype html>
 <meta charset="utf-8">
 <title>{title}</title>
 <style>
-body {{ font-family: system-ui, sans-serif; margin: 2em auto; max-width: 60em; }}
+body {{ font-family: system-ui, sans-serif; margin: 2em auto; max-width: 72em; }}
 table {{ border-collapse: collapse; }}
 td, th {{ padding: 0.3em 0.8em; border-bottom: 1px solid #ccc; text-align: right; }}
 td:first-child, th:first-child {{ text-align: left; }}
 img {{ max-width: 100%; }}
 </style>
 <h1>{title}</h1>
-<table>{rows}</table>
-<p>{notes}</p>
-{figures}
+{content}
 </html>
 """
 
@@ -33,18 +32,26 @@ COLUMNS = {
 
 def write_report(directory: Path, summary: dict[str, Any], figures: list[str]) -> None:
     """Write report.html beside the figures that it shows."""
-    header = "".join(f"<th>{name}</th>" for name in ("learner", *COLUMNS.values()))
-    body = "".join(
-        f"<tr><td>{escape(name)}</td>" + "".join(f"<td>{_number(row[key])}</td>" for key in COLUMNS) + "</tr>"
-        for name, row in summary["learners"].items()
-    )
-    page = PAGE.format(
-        title=escape(f"MA-BIRDS: {summary['experiment']}"),
-        rows=f"<tr>{header}</tr>{body}",
-        notes=_notes(summary),
-        figures="\n".join(f'<p><img src="{name}" alt="{name}"></p>' for name in figures),
-    )
-    (directory / "report.html").write_text(page, encoding="utf-8")
+    lines = [[name, *(_number(row[key]) for key in COLUMNS)] for name, row in summary["learners"].items()]
+    content = [html_table(["learner", *COLUMNS.values()], lines), f"<p>{_notes(summary)}</p>", *map(image, figures)]
+    write_page(directory / "report.html", f"MA-BIRDS: {summary['experiment']}", content)
+
+
+def write_page(file: Path, title: str, content: Iterable[str]) -> None:
+    """One HTML page of ready parts."""
+    file.write_text(PAGE.format(title=escape(title), content="\n".join(content)), encoding="utf-8")
+
+
+def html_table(header: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
+    """A table; the first column names its rows."""
+    head = "".join(f"<th>{escape(name)}</th>" for name in header)
+    body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in line) + "</tr>" for line in lines)
+    return f"<table><tr>{head}</tr>{body}</table>"
+
+
+def image(name: str) -> str:
+    """A picture beside the page."""
+    return f'<p><img src="{escape(name)}" alt="{escape(name)}"></p>'
 
 
 def _number(value: Any) -> str:

@@ -16,51 +16,25 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
 
-from mabirds_core.arrays import Vector
-from mabirds_core.errors import DivergenceError, ScheduleError
-from mabirds_core.games.interface import ConstrainedMarkovGame, Trajectories, Visitation, discounted_visitation
-from mabirds_core.policies.interface import Expectation, PolicyFinder
-from mabirds_core.rewards import RewardModel
+from mabirds_core.errors import ScheduleError
+from mabirds_core.games.interface import ConstrainedMarkovGame, Trajectories
+from mabirds_core.gradient import GradientEstimator, stacked
+from mabirds_core.parameters import Parameters, StepSizes
+from mabirds_core.policies.interface import Policy
 from mabirds_core.schedule import EdgeSchedule
-
-LARGEST = 1e100
-"""No parameter may be larger: sums over features and steps would overflow."""
-
-
-class StepSizes(BaseModel):
-    """alpha(n) = alpha / n^eta1 for omega, beta(n) = beta / n^eta2 for theta."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-    alpha: float = Field(gt=0, description="abar: first step of omega")
-    beta: float = Field(gt=0, description="bbar: first step of theta")
-    eta1: float = Field(0.51, gt=0.5, lt=1, description="decay of alpha")
-    eta2: float = Field(0.51, gt=0.5, lt=1, description="decay of beta")
-
-    def at(self, iteration: int) -> tuple[float, float]:
-        """alpha(n), beta(n).
-
-        >>> StepSizes(alpha=8, beta=4, eta1=0.75, eta2=0.75).at(16)
-        (1.0, 0.5)
-        """
-        return self.alpha / iteration**self.eta1, self.beta / iteration**self.eta2
-
-
-class Parameters(NamedTuple):
-    """What learners exchange: theta (reward parameters) and omega (cost weights)."""
-
-    theta: Vector
-    omega: Vector
 
 
 class LearnerState(NamedTuple):
-    """A learner before its update n: theta(n), omega(n), and its demonstrations zeta(n-1), ..., zeta(n-l+1)."""
+    """A learner before its update n: theta(n), omega(n), and its demonstrations zeta(n-1), ..., zeta(n-l+1).
+
+    ``policy``: what it found at iteration n - 1, from which the search at n starts.
+    """
 
     iteration: int
     parameters: Parameters
     recent: tuple[Trajectories, ...]
+    policy: Policy | None = None
 
 
 class Update(NamedTuple):
@@ -75,45 +49,30 @@ class Learner:
     """Learner v of the network: everything that does not change over the iterations."""
 
     index: int
-    game: ConstrainedMarkovGame
-    reward: RewardModel
-    finder: PolicyFinder
-    expectation: Expectation
+    estimator: GradientEstimator
     schedule: EdgeSchedule
     steps: StepSizes
     window: int
     seed: int
 
+    @property
+    def game(self) -> ConstrainedMarkovGame:
+        """The game that it watches."""
+        return self.estimator.game
+
     def initial_state(self) -> LearnerState:
         """Iteration 1: theta(1) of the reward model, the same for every learner; omega(1) = 0."""
-        theta = self.reward.initial(np.random.default_rng(self.seed))
-        return LearnerState(1, Parameters(theta, np.zeros(len(self.game.cost_features.names))), ())
+        return LearnerState(1, self.estimator.initial_parameters(self.seed), ())
 
     def update(self, state: LearnerState, demonstration: Trajectories, neighbours: Mapping[int, Parameters]) -> Update:
         """One iteration. ``neighbours`` holds theta(n), omega(n) of exactly the in-neighbours of E(n)."""
-        theta, omega = state.parameters
-        policy = self.finder.find(theta, omega)
-        imagined = self.expectation(policy, self._rng(state.iteration))
+        n = state.iteration
         recent = (demonstration, *state.recent)[: self.window]
-        gradient = self._gradient(theta, imagined, recent)
-        mixed = self._mix(state, neighbours)
-        alpha, beta = self.steps.at(state.iteration)
-        after = Parameters(mixed.theta - beta * gradient.theta, mixed.omega - alpha * gradient.omega)
-        if not all((np.abs(values) <= LARGEST).all() for values in after):
-            raise DivergenceError(
-                f"iteration {state.iteration} carried theta or omega past {LARGEST:g}; lower alpha and beta"
-            )
-        return Update(LearnerState(state.iteration + 1, after, recent[: self.window - 1]), gradient)
-
-    def _gradient(self, theta: Vector, imagined: Visitation, recent: tuple[Trajectories, ...]) -> Parameters:
-        """1/l sum_{i<l} ( E_pi f - f(zeta(n-i)) ) for f = grad J and f = mu."""
-        features = self.game.cost_features
-        observed = [discounted_visitation(trajectory, self.game.discount) for trajectory in recent]
-        grad_j, mu = self.reward.gradient(theta, imagined), features.total(imagined)
-        return Parameters(
-            sum((grad_j - self.reward.gradient(theta, one) for one in observed), np.zeros_like(theta)) / self.window,
-            sum((mu - features.total(one) for one in observed), np.zeros_like(mu)) / self.window,
-        )
+        mean, policy = self.estimator(state.parameters, stacked(recent), self._rng(n), state.policy)
+        share = len(recent) / self.window  # terms with n - i <= 0 are zero
+        gradient = Parameters(share * mean.theta, share * mean.omega)
+        after = self.steps.descend(self._mix(state, neighbours), gradient, n)
+        return Update(LearnerState(n + 1, after, recent[: self.window - 1], policy), gradient)
 
     def _mix(self, state: LearnerState, neighbours: Mapping[int, Parameters]) -> Parameters:
         """sum_u W(n)[v, u] (theta_u, omega_u), summed in the order of the learners' list."""

@@ -8,10 +8,11 @@ from typing import Annotated, Any, Literal
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from mabirds_core.algorithm import StepSizes
 from mabirds_core.digest import digest
 from mabirds_core.errors import ExperimentError, MabirdsError
 from mabirds_core.games.patrol import PatrolSettings
+from mabirds_core.gradient import RolloutStart
+from mabirds_core.parameters import StepSizes
 from mabirds_core.schedule import (
     EdgeSchedule,
     alternating_ring,
@@ -35,6 +36,35 @@ class _Settings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
+class LinearRewardSettings(_Settings):
+    """r_theta = theta^T f."""
+
+    kind: Literal["linear"] = "linear"
+
+
+class NeuralRewardSettings(_Settings):
+    """r_theta of a small network, |r_theta| <= bound."""
+
+    kind: Literal["neural"]
+    hidden: int = Field(32, ge=1, le=10_000, description="units of the hidden layer")
+    bound: float = Field(10.0, gt=0, le=1000, description="C: no reward is larger in absolute value")
+
+
+class SoftValueIterationSettings(_Settings):
+    """The exact policy, by enumerating the game."""
+
+    kind: Literal["soft_value_iteration"] = "soft_value_iteration"
+
+
+class SoftQSettings(_Settings):
+    """A policy learned from episodes, starting from that of the iteration before."""
+
+    kind: Literal["soft_q_learning"]
+    episodes: int = Field(200, ge=1, le=1_000_000, description="episodes a sweep")
+    sweeps: int = Field(4, ge=1, le=1000, description="sweeps an iteration, each with the newest policy")
+    exploration: float = Field(0.1, ge=0, le=1, description="share of actions drawn uniformly")
+
+
 class AlgorithmSettings(_Settings):
     """Algorithm 1's settings."""
 
@@ -42,7 +72,42 @@ class AlgorithmSettings(_Settings):
     window: int = Field(1, ge=1, le=1000, description="l: demonstrations in a gradient")
     expectation: Literal["sampled", "exact"] = Field("sampled", description="rollouts, or the occupancy measure")
     rollouts: int = Field(100, ge=1, le=1_000_000, description="m: trajectories a gradient, where sampled")
-    reward: Literal["linear"] = Field("linear", description="the reward model")
+    rollout_start: RolloutStart = Field("initial", description="roll out from P_0, or where demonstrations began")
+    reward: LinearRewardSettings | NeuralRewardSettings = Field(
+        LinearRewardSettings(), discriminator="kind", description="the reward model"
+    )
+    policy: SoftValueIterationSettings | SoftQSettings = Field(
+        SoftValueIterationSettings(), discriminator="kind", description="how the policy is found"
+    )
+
+
+class FtlSettings(_Settings):
+    """Follow the leader."""
+
+    tolerance: float = Field(0.05, gt=0, description="largest entry of a gradient that counts as stationary")
+    most_steps: int = Field(12, ge=1, le=100_000, description="gradient steps an iteration")
+
+
+class DlmSettings(_Settings):
+    """The double loop."""
+
+    tolerance: float = Field(0.05, gt=0, description="largest entry of the inner gradient that counts as solved")
+    most_steps: int = Field(12, ge=1, le=100_000, description="inner steps an iteration")
+    window: int = Field(1, ge=1, le=1000, description="l: iterations whose demonstrations make a loss")
+
+
+class MeGreedySettings(_Settings):
+    """Maximum-likelihood constraint inference with the true reward given."""
+
+    least_mass: float = Field(0.01, gt=0, lt=1, description="probability that a new constraint must remove")
+
+
+class BaselineSettings(_Settings):
+    """The central methods that the experiment is compared with. BICS takes the settings of the algorithm."""
+
+    ftl: FtlSettings = FtlSettings()
+    dlm: DlmSettings = DlmSettings()
+    me_greedy: MeGreedySettings = MeGreedySettings()
 
 
 class StaticSchedule(_Settings):
@@ -93,7 +158,8 @@ class DemonstrationSettings(_Settings):
     bag: Path = Field(description="rosbag2 directory, relative to the experiment file")
     per_learner: int = Field(40, ge=1, le=1_000_000, description="demonstrations a learner")
     period: float = Field(1.0, gt=0, le=86_400, description="seconds between two demonstrations in the recording")
-    seed: int = Field(0, ge=0, description="of the experts' choices among equally good moves")
+    experts: Literal["optimal", "soft"] = Field("optimal", description="least cost, or maximum entropy")
+    seed: int = Field(0, ge=0, description="of the experts' choices")
 
 
 class Experiment(_Settings):
@@ -105,6 +171,7 @@ class Experiment(_Settings):
     learners: tuple[LearnerName, ...] = Field(min_length=1)
     schedule: ScheduleSettings
     demonstrations: DemonstrationSettings
+    baselines: BaselineSettings = BaselineSettings()
     iterations: int = Field(ge=1, le=1_000_000, description="updates a learner makes, one demonstration each")
     seed: int = Field(0, ge=0, description="of the learners' rollouts")
     constraint_threshold: float = Field(ge=0, description="a constraint is learned where -omega exceeds this")
@@ -135,7 +202,8 @@ class Experiment(_Settings):
     @property
     def digest(self) -> str:
         """SHA-256 of what decides theta and omega and when to end. Not of the schedule, nor of the bag's place."""
-        content = self.model_dump(mode="json", include={"game", "algorithm", "learners", "iterations", "seed"})
+        deciding = {"game", "algorithm", "learners", "baselines", "iterations", "seed"}
+        content = self.model_dump(mode="json", include=deciding)
         return digest(content)
 
     def run_digest(self, run: str) -> str:

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mabirds_core.algorithm import Parameters
 from mabirds_core.arrays import Mask, Vector, weighted_counts
 from mabirds_core.games.interface import TabularGame, Trajectories
+from mabirds_core.parameters import Parameters
 from mabirds_core.policies.interface import Policy
 from mabirds_core.policies.occupancy import occupancy_measure
 

@@ -1,12 +1,13 @@
 """Reward models r_theta: how theta becomes a reward, and its gradient (paper, section 3 and Assumption 1)."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from functools import cached_property
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from mabirds_core.arrays import Array, Vector
-from mabirds_core.games.interface import FeatureMap, Visitation
+from mabirds_core.games.interface import FeatureMap, RewardFeatureMap, Visitation
 
 
 class RewardModel(Protocol):
@@ -52,3 +53,74 @@ class LinearReward:
     def gradient(self, theta: Vector, visitation: Visitation) -> Vector:  # noqa: ARG002 - linear in theta
         """The visitation's total of the features, shape (size,)."""
         return self.features.total(visitation)
+
+
+class Layers(NamedTuple):
+    """theta of the neural reward by layer: D inputs, H hidden units."""
+
+    inputs: Array
+    """U, shape (H, D)."""
+    hidden: Vector
+    """b, shape (H,)."""
+    outputs: Vector
+    """v, shape (H,)."""
+
+
+@dataclass(frozen=True)
+class NeuralReward:
+    """r_theta(s, a) = sum_k w_k(theta) f_k(s, a), where a small network makes the weights of the linear features:
+
+        w_k = C / N_E  tanh( sum_h tanh(v_h) tanh(U_h x_k + b_h) )
+
+    x_k in [-1, 1]^D describes feature k (``FeatureMap.descriptors``), and every state-action pair has one active
+    feature an expert, so |r_theta| <= C. As tanh, its first and its second derivative are bounded, and v enters
+    through tanh alone, the gradient and the Hessian of r_theta are bounded for all theta (Assumption 1):
+    |dw/dv_h| <= C / N_E, |dw/db_h| <= C / N_E, |dw/dU_hd| <= C / N_E.
+    """
+
+    features: RewardFeatureMap
+    hidden: int
+    bound: float
+    """C."""
+    n_experts: int
+
+    @cached_property
+    def _x(self) -> Array:
+        return self.features.descriptors
+
+    @property
+    def size(self) -> int:
+        """H (D + 2)."""
+        return self.hidden * (self._x.shape[1] + 2)
+
+    def initial(self, rng: np.random.Generator) -> Vector:
+        """Standard normal inputs; outputs of zero, so that every policy looks alike at first."""
+        drawn = rng.normal(size=self.size - self.hidden)
+        return np.concatenate([drawn, np.zeros(self.hidden)])
+
+    def _layers(self, theta: Vector) -> Layers:
+        inputs, hidden, outputs = np.split(theta, [self.hidden * self._x.shape[1], self.size - self.hidden])
+        return Layers(inputs.reshape(self.hidden, -1), hidden, outputs)
+
+    def _activations(self, layers: Layers) -> Array:
+        """tanh(U x_k + b), shape (K, H)."""
+        return np.tanh(self._x @ layers.inputs.T + layers.hidden)
+
+    def weights(self, theta: Vector) -> Vector:
+        """w_k(theta), shape (K,)."""
+        layers = self._layers(theta)
+        return self.bound / self.n_experts * np.tanh(self._activations(layers) @ np.tanh(layers.outputs))
+
+    def table(self, theta: Vector) -> Array:
+        """r_theta(s, a), shape (S, A)."""
+        return self.features.table(self.weights(theta))
+
+    def gradient(self, theta: Vector, visitation: Visitation) -> Vector:
+        """Backwards through the network from the visitation's total of the features, shape (size,)."""
+        layers = self._layers(theta)
+        active = self._activations(layers)
+        slope = 1 - np.tanh(active @ np.tanh(layers.outputs)) ** 2
+        of_output = self.bound / self.n_experts * self.features.total(visitation) * slope
+        of_hidden = of_output[:, None] * np.tanh(layers.outputs) * (1 - active**2)
+        of_outputs = (of_output @ active) * (1 - np.tanh(layers.outputs) ** 2)
+        return np.concatenate([(of_hidden.T @ self._x).ravel(), of_hidden.sum(axis=0), of_outputs])

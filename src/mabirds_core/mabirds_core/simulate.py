@@ -1,41 +1,79 @@
-"""The in-process network: N_L learners in one loop. The reference that the ROS network must equal bit for bit."""
+"""The in-process network: N_L learners in one loop. The reference that the ROS network must equal bit for bit.
+
+Central methods run in the same way, on the demonstrations of all learners.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
+from time import perf_counter
+from typing import NamedTuple
 
-from mabirds_core.algorithm import Parameters
-from mabirds_core.assembly import build_game, build_learner
+from mabirds_core.assembly import build_game, build_learner, build_method
+from mabirds_core.baselines.interface import Work
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment import Experiment
 from mabirds_core.games.interface import Trajectories
+from mabirds_core.gradient import stacked
+from mabirds_core.parameters import Parameters
 
 History = dict[str, list[Parameters]]
-"""theta(n), omega(n) by learner's name; entry k is iteration n = k + 1."""
+"""theta(n), omega(n) by the name of the learner or method; entry k is iteration n = k + 1."""
+
+Streams = Mapping[str, Sequence[Trajectories]]
+"""Each learner's demonstrations by its name."""
 
 
-def simulate(
-    experiment: Experiment,
-    demonstrations: Mapping[str, Sequence[Trajectories]],
-    on_iteration: Callable[[int], None] = lambda _: None,
-) -> History:
-    """Run every learner for ``experiment.iterations`` updates; ``on_iteration(n)`` is called after each.
+class Progress(NamedTuple):
+    """One update of one learner or method: how long it took, and all work since the beginning."""
 
-    ``demonstrations`` maps each learner's name to its own stream. Raises ExperimentError for a stream that is
-    too short.
+    name: str
+    seconds: float
+    work: Work
+
+
+OnUpdate = Callable[[Progress], None]
+
+
+def simulate(experiment: Experiment, demonstrations: Streams, on_update: OnUpdate = lambda _: None) -> History:
+    """Run every learner for ``experiment.iterations`` updates; ``on_update`` is called after each.
+
+    Raises ExperimentError for a stream that is too short.
     """
+    _require_streams(experiment, demonstrations)
     game = build_game(experiment)
     learners = {name: build_learner(experiment, name, game) for name in experiment.learners}
-    for name in learners:
-        if (count := len(demonstrations.get(name, ()))) < experiment.iterations:
-            raise ExperimentError(
-                f"{name} has {count} demonstrations, expected {experiment.iterations}; record more, or lower iterations"
-            )
     states = {name: learner.initial_state() for name, learner in learners.items()}
     history: History = {name: [state.parameters] for name, state in states.items()}
     for iteration in range(1, experiment.iterations + 1):
         known = {learner.index: states[name].parameters for name, learner in learners.items()}
         for name, learner in learners.items():
             neighbours = {u: known[u] for u in learner.schedule.in_neighbours(learner.index, iteration)}
+            start = perf_counter()
             states[name] = learner.update(states[name], demonstrations[name][iteration - 1], neighbours).state
             history[name].append(states[name].parameters)
-        on_iteration(iteration)
+            on_update(Progress(name, perf_counter() - start, Work(iteration, iteration)))
     return history
+
+
+def simulate_central(
+    experiment: Experiment, name: str, demonstrations: Streams, on_update: OnUpdate = lambda _: None
+) -> History:
+    """Run central method ``name`` on all streams; otherwise as ``simulate``."""
+    _require_streams(experiment, demonstrations)
+    method = build_method(experiment, name)
+    state = method.initial_state()
+    history: History = {name: [state.parameters]}
+    for iteration in range(1, experiment.iterations + 1):
+        pooled = stacked([demonstrations[learner][iteration - 1] for learner in experiment.learners])
+        start = perf_counter()
+        state = method.update(state, pooled)
+        history[name].append(state.parameters)
+        on_update(Progress(name, perf_counter() - start, state.work))
+    return history
+
+
+def _require_streams(experiment: Experiment, demonstrations: Streams) -> None:
+    for name in experiment.learners:
+        if (count := len(demonstrations.get(name, ()))) < experiment.iterations:
+            raise ExperimentError(
+                f"{name} has {count} demonstrations, expected {experiment.iterations}; record more, or lower iterations"
+            )

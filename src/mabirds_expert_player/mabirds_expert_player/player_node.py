@@ -73,6 +73,7 @@ class ExpertPlayerNode(Node):
     def _declare_parameters(self) -> None:
         declare_experiment(self)
         self.declare_parameter("bag", "", text("bag to play; empty: the experiment's"))
+        self.declare_parameter("central", "", text("a central method that learns in the learners' place; empty: none"))
         self.declare_parameter("window", 16, whole("demonstrations ahead of what a learner has learned", 1, HISTORY))
         self.declare_parameter("rate", 1.0, real("speed, as a multiple of the recorded timing", 0.01, 1e4, fixed=False))
         self.declare_parameter(
@@ -83,8 +84,9 @@ class ExpertPlayerNode(Node):
         return self.get_parameter(name).value
 
     def _connect(self, learner: str) -> Any:
+        acknowledging = self._value("central") or learner
         self.create_subscription(
-            LearnerStatus, f"{learner}/{topics.STATUS}", partial(self._on_status, learner), STATUS_QOS
+            LearnerStatus, f"{acknowledging}/{topics.STATUS}", partial(self._on_status, learner), STATUS_QOS
         )
         return self.create_publisher(Demonstration, f"{learner}/{topics.DEMONSTRATION}", latched(HISTORY))
 
@@ -206,6 +208,7 @@ example: mabirds-expert-player --ros-args -p experiment:=ros_ws/config/patrol.ya
 parameters:
   experiment   path of the experiment file (YAML)
   run          name of this run; learners of other runs get nothing ("")
+  central      a central method that learns in the learners' place, such as bics ("")
   bag          bag to play; empty: the experiment's
   rate         speed, as a multiple of the recorded timing (1.0); may change while it runs
   hz           demonstrations a second; 0: the recorded timing times rate (0.0); may change while it runs

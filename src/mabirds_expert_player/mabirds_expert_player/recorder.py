@@ -1,13 +1,14 @@
 """Recording expert demonstrations to a bag: one topic a learner, the same messages from the same seed."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 
 from mabirds_core.assembly import build_game
 from mabirds_core.experiment import Experiment
-from mabirds_expert_player.experts import OptimalExperts
+from mabirds_core.games.interface import TabularGame, Trajectories
+from mabirds_expert_player.experts import KINDS, demonstrations
 from mabirds_msgs_py.bag_writer import BagWriter
 from mabirds_msgs_py.conversion import NANOSECONDS, demonstration_message
 from mabirds_msgs_py.topics import bag_topic
@@ -22,11 +23,7 @@ def record(experiment: Experiment, directory: Path, on_demonstration: Callable[[
     Raises BagError where ``directory`` exists, InfeasibleError where a start has no clean way to the goal.
     """
     game, settings = build_game(experiment), experiment.demonstrations
-    experts = OptimalExperts(game)
-    streams = {
-        learner: experts.demonstrations(settings.per_learner, np.random.default_rng([settings.seed, index]))
-        for index, learner in enumerate(experiment.learners)
-    }
+    streams = expert_streams(experiment, game)
     with BagWriter(directory) as bag:
         for iteration in range(1, settings.per_learner + 1):
             stamp = FIRST_STAMP + round((iteration - 1) * settings.period * NANOSECONDS)
@@ -34,3 +31,13 @@ def record(experiment: Experiment, directory: Path, on_demonstration: Callable[[
                 message = demonstration_message(game, learner, iteration, next(stream), stamp)
                 bag.write(bag_topic(learner), message, stamp)
                 on_demonstration()
+
+
+def expert_streams(experiment: Experiment, game: TabularGame) -> dict[str, Iterator[Trajectories]]:
+    """The experts' demonstrations for each learner; each stream is drawn with a generator of its own."""
+    settings = experiment.demonstrations
+    experts = KINDS[settings.experts](game)
+    return {
+        learner: demonstrations(experts, settings.per_learner, np.random.default_rng([settings.seed, index]))
+        for index, learner in enumerate(experiment.learners)
+    }

@@ -5,13 +5,14 @@ theta(n), omega(n) of every in-neighbour of E(n); it waits for as long as one is
 """
 
 from collections import defaultdict
-from collections.abc import Mapping
 
-from mabirds_core.algorithm import Learner, Parameters, Update
+from mabirds_core.algorithm import Learner
 from mabirds_core.errors import ScheduleError
 from mabirds_core.games.interface import Trajectories
+from mabirds_core.metrics import norms
+from mabirds_core.parameters import Parameters
 from mabirds_core.schedule import EdgeSchedule, smallest_window
-from mabirds_msgs_py.conversion import RefusedMessageError
+from mabirds_learner.inbox import accept
 
 DEMONSTRATION = "demonstration"
 
@@ -49,6 +50,11 @@ class StrictSession:
         return self.state.iteration
 
     @property
+    def parameters(self) -> Parameters:
+        """theta(n), omega(n)."""
+        return self.state.parameters
+
+    @property
     def finished(self) -> bool:
         """Are all updates made?"""
         return self.iteration > self._iterations
@@ -84,7 +90,7 @@ class StrictSession:
 
     def receive_demonstration(self, iteration: int, trajectory: Trajectories) -> None:
         """Keep zeta(iteration). Raises RefusedMessageError where it is old, known, or too far ahead."""
-        self._accept(iteration, self._demonstrations, self._demonstration_history)
+        accept(iteration, self.iteration, self._demonstrations, self._demonstration_history)
         self._demonstrations[iteration] = trajectory
 
     def receive_parameters(self, neighbour: int, iteration: int, parameters: Parameters) -> None:
@@ -94,28 +100,18 @@ class StrictSession:
         """
         if iteration < 1 or neighbour not in self._scheduled(iteration):
             return
-        self._accept(iteration, self._parameters[neighbour], self._parameter_history)
+        accept(iteration, self.iteration, self._parameters[neighbour], self._parameter_history)
         self._parameters[neighbour][iteration] = parameters
 
-    def _accept(self, iteration: int, known: Mapping[int, object], history: int) -> None:
-        if iteration < self.iteration:
-            raise RefusedMessageError("old_iteration", f"iteration {iteration}, expected {self.iteration} or later")
-        if iteration in known:
-            raise RefusedMessageError("duplicate", f"iteration {iteration} has arrived before")
-        if iteration >= self.iteration + history:
-            raise RefusedMessageError(
-                "future_iteration", f"iteration {iteration}, expected less than {self.iteration + history}"
-            )
-
-    def step(self) -> Update:
-        """Make update n; only when ``ready``."""
+    def step(self) -> dict[str, float]:
+        """Make update n, only when ``ready``; returns the norms of its gradients."""
         n = self.iteration
         neighbours = {u: self._parameters[u][n] for u in self._scheduled(n)}
         update = self.learner.update(self.state, self._demonstrations[n], neighbours)
         self.state = update.state
         self.mixed_from = [self.learner.schedule.learners[u] for u in neighbours]
         self._forget(n)
-        return update
+        return {f"gradient_{name}": value for name, value in norms(update.gradient).items()}
 
     def _forget(self, iteration: int) -> None:
         """Drop what served update n, and own parameters that nobody can ask for any more."""

@@ -9,9 +9,9 @@ from mabirds_msgs.msg import EdgeSchedule as EdgeScheduleMessage
 from mabirds_msgs.msg import Parameters as ParametersMessage
 from numpy.typing import NDArray
 
-from mabirds_core.algorithm import Parameters
 from mabirds_core.errors import ImpossibleTrajectoryError, MabirdsError
 from mabirds_core.games.interface import ConstrainedMarkovGame, Trajectories
+from mabirds_core.parameters import Parameters
 from mabirds_core.schedule import EdgeSchedule
 
 NANOSECONDS = 1_000_000_000

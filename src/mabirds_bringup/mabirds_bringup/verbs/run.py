@@ -13,7 +13,7 @@ from mabirds_bringup.live_table import live_table, plain_line
 from mabirds_bringup.monitor import MonitorNode
 from mabirds_bringup.network import Network
 from mabirds_bringup.results import write_results
-from mabirds_bringup.verbs.options import ExperimentFile, Json, RunsDirectory
+from mabirds_bringup.verbs.options import CentralMethodName, ExperimentFile, Json, RunsDirectory
 from mabirds_core.experiment import Experiment, load_experiment
 
 LINE_PERIOD = 2.0
@@ -26,6 +26,7 @@ def run(
     hz: Annotated[
         float, typer.Option(help="Demonstrations a second; 0: the recorded timing times --rate.", min=0, max=1e4)
     ] = 0.0,
+    method: CentralMethodName = None,
     out: RunsDirectory = Path("runs"),
     as_json: Json = False,
 ) -> None:
@@ -38,8 +39,8 @@ def run(
         directory = run_directory.create(out, experiment.name)
         run_directory.write_manifest(directory, experiment, file, "network")
         start = time.monotonic()
-        network = Network(experiment, file.absolute(), directory, {"rate": rate, "hz": hz})
-        with _Display(experiment) as display:
+        network = Network(experiment, file.absolute(), directory, {"rate": rate, "hz": hz}, method=method)
+        with _Display(experiment, network) as display:
             history = network.run(display.update)
         content = write_results(experiment, history, directory, time.monotonic() - start)
         if as_json:
@@ -49,13 +50,13 @@ def run(
 class _Display:
     """A live table on a terminal, a line every LINE_PERIOD seconds elsewhere."""
 
-    def __init__(self, experiment: Experiment) -> None:
-        self._experiment = experiment
+    def __init__(self, experiment: Experiment, network: Network) -> None:
+        self._experiment, self._names = experiment, network.names
         self._live = Live(console=console, refresh_per_second=4, transient=True) if console.is_terminal else None
         self._last = time.monotonic()
 
     def __enter__(self) -> Self:
-        console.print(f"starting {len(self._experiment.learners)} learners and the expert player")
+        console.print(f"starting {', '.join(self._names)} and the expert player", soft_wrap=True)
         if self._live:
             self._live.start()
         return self

@@ -51,6 +51,15 @@ class FeatureMap(Protocol):
         ...
 
 
+class RewardFeatureMap(FeatureMap, Protocol):
+    """Features of a reward; a network can make their weights from what the features mean."""
+
+    @property
+    def descriptors(self) -> Array:
+        """What tells the features apart, as numbers in [-1, 1], shape (K, D)."""
+        ...
+
+
 class ConstrainedMarkovGame(Protocol):
     """A game as learners and metrics see it."""
 
@@ -80,8 +89,8 @@ class ConstrainedMarkovGame(Protocol):
         ...
 
     @property
-    def reward_features(self) -> FeatureMap:
-        """Features of the linear reward model: what theta weighs."""
+    def reward_features(self) -> RewardFeatureMap:
+        """Features of the reward models: theta weighs them or makes their weights. One an expert in every pair."""
         ...
 
     @property
@@ -133,6 +142,11 @@ class TabularGame(ConstrainedMarkovGame, Protocol):
     @property
     def goal(self) -> Mask:
         """goal[s]: has every expert arrived? Shape (S,)."""
+        ...
+
+    @property
+    def deadline(self) -> int:
+        """Step by which the experts have arrived, at most T; for experts and metrics only."""
         ...
 
     @property

@@ -17,11 +17,10 @@ from mabirds_core.arrays import Array, Indices, Mask, Vector, weighted_counts
 from mabirds_core.digest import digest
 from mabirds_core.errors import ImpossibleTrajectoryError
 from mabirds_core.games.interface import Trajectories
-from mabirds_core.games.patrol_features import PatrolCostFeatures, PatrolRewardFeatures
+from mabirds_core.games.patrol_features import MOVE_NAMES, N_MOVES, PatrolCostFeatures, PatrolRewardFeatures
 
 MOVES = np.array([[-1, 0], [0, 1], [1, 0], [0, -1]])
-MOVE_NAMES = ("north", "east", "south", "west")
-N_MOVES = len(MOVES)
+"""North, east, south, west as (rows, columns)."""
 MOST_PAIRS = 20_000_000
 """Joint state-action pairs that a learner can tabulate: some gigabytes."""
 
@@ -44,6 +43,9 @@ class PatrolSettings(BaseModel):
     goals: tuple[Cell, ...] = Field(min_length=1, description="one absorbing goal cell an expert, all different")
     horizon: int = Field(ge=1, le=10_000, description="T: trajectories have T + 1 steps")
     discount: float = Field(0.95, gt=0, le=1, description="gamma")
+    joint_scale: float = Field(1.0, gt=0, le=1000, description="of the features for sharing and swapping cells")
+    step_cost: float = Field(1.0, ge=0, le=1000, description="true reward: minus this a step for each expert under way")
+    deadline: int | None = Field(None, ge=0, description="step by which experts arrive; default: the horizon")
 
     @field_validator("map")
     @classmethod
@@ -52,6 +54,12 @@ class PatrolSettings(BaseModel):
         if not rows or any(len(row) != len(rows[0]) for row in rows) or set("".join(rows)) - set(".#"):
             raise ValueError("expected rows of '.' and '#' of one length")
         return "\n".join(rows)
+
+    @model_validator(mode="after")
+    def _deadline_is_a_step(self) -> "PatrolSettings":
+        if self.deadline is not None and self.deadline > self.horizon:
+            raise ValueError(f"deadline {self.deadline}: expected a step up to the horizon, {self.horizon}")
+        return self
 
     @model_validator(mode="after")
     def _cells_fit(self) -> "PatrolSettings":
@@ -115,6 +123,7 @@ class PatrolGame:
         self.n_states = self.n_cells**self.n_experts
         self.n_actions = N_MOVES**self.n_experts
         self.horizon = settings.horizon
+        self.deadline = settings.horizon if settings.deadline is None else settings.deadline
         self.discount = settings.discount
         self.obstacles: Mask = np.array([cell == "#" for row in settings.rows for cell in row])
         self.goals: Indices = np.array([self.cell_index(cell) for cell in settings.goals])
@@ -220,9 +229,9 @@ class PatrolGame:
 
     @cached_property
     def task_reward(self) -> Array:
-        """-1 a step for each expert that has not arrived, shape (S, A)."""
+        """-step_cost a step for each expert that has not arrived, shape (S, A)."""
         waiting = (~self._arrived).sum(axis=0)
-        return np.repeat(-waiting[:, None].astype(np.float64), self.n_actions, axis=1)
+        return np.repeat(-self.settings.step_cost * waiting[:, None], self.n_actions, axis=1)
 
     @cached_property
     def initial_distribution(self) -> Vector:

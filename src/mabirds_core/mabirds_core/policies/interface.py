@@ -19,14 +19,23 @@ class Policy(Protocol):
 class PolicyFinder(Protocol):
     """Step 1 of Algorithm 1: the constrained soft Bellman policy of r_theta + omega^T phi."""
 
-    def find(self, theta: Vector, omega: Vector) -> Policy:
-        """The policy for these parameters."""
+    def find(
+        self, theta: Vector, omega: Vector, previous: Policy | None = None, rng: np.random.Generator | None = None
+    ) -> Policy:
+        """The policy for these parameters.
+
+        ``previous``: the policy of parameters nearby, from which a search may start. ``rng``: for finders that
+        sample. Exact finders need neither.
+        """
         ...
 
 
 class Expectation(Protocol):
     """Step 2 of Algorithm 1: how E_pi sum_t gamma^t f(s_t, a_t) is found."""
 
-    def __call__(self, policy: Policy, rng: np.random.Generator) -> Visitation:
-        """A visitation whose totals are, or estimate, the policy's expected discounted sums."""
+    def __call__(self, policy: Policy, rng: np.random.Generator, starts: Indices | None = None) -> Visitation:
+        """A visitation whose totals are, or estimate, the policy's expected discounted sums.
+
+        ``starts``: states, shape (k,), each of them an equally likely start; None: starts are drawn from P_0.
+        """
         ...

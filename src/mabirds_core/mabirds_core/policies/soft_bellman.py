@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mabirds_core.arrays import Array, Indices, Vector
+from mabirds_core.arrays import Array, Indices, Mask, Vector
 from mabirds_core.games.interface import FeatureMap, TabularGame
+from mabirds_core.policies.interface import Policy
 from mabirds_core.rewards import RewardModel
 
 
@@ -24,12 +25,14 @@ class SoftBellmanPolicy:
     game: TabularGame
     reward: Array
     values: Array
+    discount: float
 
     def log_probabilities(self, step: int, states: Indices) -> Array:
         """log pi_t(a | s) = Q_t(s, a) - V_t(s), shape (M, A); -inf throughout where all actions are blocked."""
-        backup = self.game.discount * self.values[step + 1][self.game.successor[states]]
+        backup = self.discount * self.values[step + 1][self.game.successor[states]]
         value = self.values[step][states][:, None]
-        return np.asarray(self.reward[states] + backup - np.where(np.isneginf(value), 0.0, value))
+        blocked = np.isneginf(value)
+        return np.where(blocked, -np.inf, self.reward[states] + backup - np.where(blocked, 0.0, value))
 
 
 @dataclass(frozen=True)
@@ -40,7 +43,13 @@ class SoftBellmanFinder:
     reward_model: RewardModel
     cost_features: FeatureMap
 
-    def find(self, theta: Vector, omega: Vector) -> SoftBellmanPolicy:
+    def find(
+        self,
+        theta: Vector,
+        omega: Vector,
+        previous: Policy | None = None,  # noqa: ARG002 - exact from any start
+        rng: np.random.Generator | None = None,  # noqa: ARG002 - nothing is drawn
+    ) -> SoftBellmanPolicy:
         """pi(omega, theta)."""
         reward = self.reward_model.table(theta) + self.cost_features.table(omega)
         return soft_bellman_policy(self.game, reward)
@@ -48,14 +57,29 @@ class SoftBellmanFinder:
 
 def soft_bellman_policy(game: TabularGame, reward: Array) -> SoftBellmanPolicy:
     """The policy for a reward table (S, A), finite or -inf."""
-    return SoftBellmanPolicy(game, reward, soft_value_iteration(game, reward))
+    return SoftBellmanPolicy(game, reward, soft_value_iteration(game, reward, game.discount), game.discount)
 
 
-def soft_value_iteration(game: TabularGame, reward: Array) -> Array:
-    """V[t, s] for t = 0..T + 1, shape (T + 2, S), backwards in time and in log space."""
+def maximum_entropy_policy(game: TabularGame, forbidden: Mask) -> SoftBellmanPolicy:
+    """What experts do who know the task and that the pairs ``forbidden`` (S, A) may not be.
+
+    Trajectories that are at the goal from the game's deadline on and avoid all forbidden pairs, each with a
+    probability proportional to exp of its undiscounted task reward. A state without such a way has the value -inf.
+    """
+    reward = np.where(forbidden, -np.inf, game.task_reward)
+    return SoftBellmanPolicy(game, reward, soft_value_iteration(game, reward, 1.0, game.deadline), 1.0)
+
+
+def soft_value_iteration(game: TabularGame, reward: Array, discount: float, deadline: int | None = None) -> Array:
+    """V[t, s] for t = 0..T + 1, shape (T + 2, S), backwards in time and in log space.
+
+    ``deadline``: step from which states away from the goal have the value -inf; None: never.
+    """
     values = np.zeros((game.horizon + 2, game.n_states))
     for step in range(game.horizon, -1, -1):
-        values[step] = log_sum_exp(reward + game.discount * values[step + 1][game.successor])
+        values[step] = log_sum_exp(reward + discount * values[step + 1][game.successor])
+        if deadline is not None and step >= deadline:
+            values[step, ~game.goal] = -np.inf
     return values
 
 

@@ -1,0 +1,78 @@
+"""What the benchmark runs: methods on the same demonstrations, and variations of MA-BIRDS."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from mabirds_core.experiment import Experiment
+
+MAIN = "main"
+"""The group of Tables 1 and 2."""
+
+VARIATIONS = "variations"
+"""The group of MA-BIRDS with other settings."""
+
+HARD = "hard"
+"""The group of the game with many starts."""
+
+METHOD_LABELS = {"bics": "BICS", "ftl": "FTL", "dlm": "DLM", "me_greedy": "ME-greedy"}
+
+
+@dataclass(frozen=True)
+class Case:
+    """One way to learn one experiment. ``method``: a central method; None: the network of learners."""
+
+    group: str
+    label: str
+    experiment: Experiment
+    method: str | None = None
+
+    def seeded(self, seed: int) -> Experiment:
+        """The experiment with demonstrations and rollouts of their own."""
+        demonstrations = self.experiment.demonstrations.model_copy(update={"seed": seed})
+        return self.experiment.model_copy(update={"seed": seed, "demonstrations": demonstrations})
+
+
+def all_cases(main: Experiment, hard: Experiment) -> list[Case]:
+    """Every case of the benchmark, the tables' first."""
+    return [*_table_cases(main), *_variations(main), *_hard_cases(hard)]
+
+
+def _table_cases(main: Experiment) -> Iterator[Case]:
+    yield Case(MAIN, "MA-BIRDS", main)
+    for method, label in METHOD_LABELS.items():
+        yield Case(MAIN, label, main, method)
+
+
+def _variations(main: Experiment) -> Iterator[Case]:
+    other = "sampled" if main.algorithm.expectation == "exact" else "exact"
+    yield Case(VARIATIONS, f"{other} expectations", with_algorithm(main, expectation=other))
+    for count in (4, 8):
+        yield Case(VARIATIONS, f"{count} learners", _with_learners(main, count))
+    neural = {"kind": "neural", "hidden": 32, "bound": 10.0}
+    yield Case(VARIATIONS, "neural reward", with_algorithm(main, reward=neural))
+    yield Case(VARIATIONS, "soft Q-learning", with_algorithm(main, policy={"kind": "soft_q_learning"}))
+
+
+def _hard_cases(hard: Experiment) -> Iterator[Case]:
+    for start in ("demonstration", "initial"):
+        label = {"demonstration": "rollouts from the demonstrations' starts", "initial": "rollouts from P_0"}[start]
+        yield Case(HARD, label, with_algorithm(hard, rollout_start=start))
+
+
+def with_algorithm(experiment: Experiment, **changes: Any) -> Experiment:
+    """The experiment with other settings of its algorithm, checked again."""
+    content = experiment.model_dump(mode="json")
+    content["algorithm"].update(changes)
+    return Experiment.model_validate(content)
+
+
+def _with_learners(experiment: Experiment, count: int) -> Experiment:
+    content = experiment.model_dump(mode="json")
+    content["learners"] = [f"learner_{number}" for number in range(1, count + 1)]
+    return Experiment.model_validate(content)
+
+
+def shortened(experiment: Experiment, iterations: int) -> Experiment:
+    """The experiment with at most so many iterations."""
+    return experiment.model_copy(update={"iterations": min(iterations, experiment.iterations)})

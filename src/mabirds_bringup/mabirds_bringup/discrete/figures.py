@@ -1,0 +1,124 @@
+"""The benchmark's pictures: the game (2a), learned policies and constraints (2b), rates against iterations (3), ROC."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib as mpl
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from mabirds_bringup.discrete.cases import HARD, MAIN, VARIATIONS
+from mabirds_bringup.discrete.outcome import Outcome
+from mabirds_bringup.maps import draw_map, draw_ways
+from mabirds_core.experiment import Experiment
+from mabirds_core.games.patrol import PatrolGame
+from mabirds_expert_player.recorder import expert_streams
+
+DOTS_PER_INCH = 120
+SHOWN_DEMONSTRATIONS = 12
+
+
+def save_figures(main: Experiment, hard: Experiment, outcomes: Sequence[Outcome], directory: Path) -> list[str]:
+    """Write all pictures; returns their names."""
+    of_main = [one for one in outcomes if one.group == MAIN]
+    figures = {
+        "game.png": game_figure(main),
+        "policies.png": policies_figure(PatrolGame(main.game), of_main),
+        "rates.png": rates_figure(of_main),
+        "roc.png": roc_figure(of_main),
+        "game_many_starts.png": game_figure(hard),
+        "rates_many_starts.png": rates_figure([one for one in outcomes if one.group == HARD]),
+        "variations.png": rates_figure([one for one in outcomes if one.group == VARIATIONS]),
+    }
+    for name, figure in figures.items():
+        figure.savefig(directory / name, dpi=DOTS_PER_INCH, bbox_inches="tight")
+        plt.close(figure)
+    return list(figures)
+
+
+def game_figure(experiment: Experiment) -> Figure:
+    """As Figure 2a: the map, starts and goals, and some demonstrations of each expert."""
+    game = PatrolGame(experiment.game)
+    stream = next(iter(expert_streams(experiment, game).values()))
+    shown = [one for one, _ in zip(stream, range(SHOWN_DEMONSTRATIONS), strict=False)]
+    figure, axes = plt.subplots(
+        1, game.n_experts, figsize=(3 * game.n_experts, 3.2), squeeze=False, layout="constrained"
+    )
+    for expert, axis in enumerate(axes[0]):
+        draw_map(axis, game, expert)
+        draw_ways(axis, game, expert, shown)
+        axis.set_title(f"expert {expert + 1}", fontsize=9)
+    figure.suptitle(f"{experiment.name}: {len(shown)} demonstrations; S starts, G goal, grey obstacles", fontsize=9)
+    return figure
+
+
+def policies_figure(game: PatrolGame, outcomes: Sequence[Outcome]) -> Figure:
+    """As Figure 2b: a panel a method and expert for the first seed; blue visits, red crosses learned constraints."""
+    ones = [one for one in outcomes if one.seed == outcomes[0].seed]
+    size = (2.0 * len(ones), 2.3 * game.n_experts)
+    figure, axes = plt.subplots(game.n_experts, len(ones), figsize=size, squeeze=False, layout="constrained")
+    for one, column in zip(ones, axes.T, strict=True):
+        learned = np.isin(np.arange(len(game.cost_features.names)), one.learned)
+        for expert, axis in enumerate(column):
+            cells = slice(expert * game.n_cells, (expert + 1) * game.n_cells)
+            draw_map(axis, game, expert, np.array(one.visits[expert]), learned[cells])
+        column[0].set_title(_name(one), fontsize=9)
+    for expert, axis in enumerate(axes[:, 0]):
+        axis.set_ylabel(f"expert {expert + 1}", fontsize=8)
+    return figure
+
+
+def _name(one: Outcome) -> str:
+    return f"{one.label} {one.learner}" if one.learner.startswith("learner") else one.label
+
+
+def rates_figure(outcomes: Sequence[Outcome]) -> Figure:
+    """As Figure 3: SR and CVR against iterations; lines are means over seeds, bands their range."""
+    figure, (success, violation) = plt.subplots(1, 2, figsize=(10, 3.6), layout="constrained")
+    for name in dict.fromkeys(_name(one) for one in outcomes):
+        ones = [one for one in outcomes if _name(one) == name]
+        _band(success, name, [one.success_rate for one in ones])
+        _band(violation, name, [one.violation_rate for one in ones])
+    for axis, title in ((success, "success rate"), (violation, "constraint violation rate")):
+        axis.set(xlabel="demonstrations learned by each learner", ylabel=title, ylim=(-0.02, 1.02))
+    figure.legend(*success.get_legend_handles_labels(), fontsize=7, loc="outside right upper")
+    return figure
+
+
+def _band(axis: Axes, name: str, curves: Sequence[Sequence[float]]) -> None:
+    values = np.array(curves)
+    line = axis.plot(values.mean(axis=0), label=name, linewidth=1.2)[0]
+    axis.fill_between(
+        np.arange(values.shape[1]), values.min(axis=0), values.max(axis=0), alpha=0.15, color=line.get_color()
+    )
+
+
+def roc_figure(outcomes: Sequence[Outcome]) -> Figure:
+    """FPR and FNR against the threshold, and against each other: what any choice of the threshold would give."""
+    figure, (rates, roc) = plt.subplots(1, 2, figsize=(10, 3.6), layout="constrained")
+    for name in dict.fromkeys(_name(one) for one in outcomes):
+        ones = [one for one in outcomes if _name(one) == name]
+        thresholds, false_positive, false_negative = error_curves(ones)
+        line = rates.plot(thresholds, false_positive, label=name, linewidth=1.2)[0]
+        rates.plot(thresholds, false_negative, "--", color=line.get_color(), linewidth=1.2)
+        roc.plot(false_positive, 1 - false_negative, color=line.get_color(), linewidth=1.2)
+    rates.set(xscale="log", xlabel="threshold on -omega", ylabel="FPR (line), FNR (dashed)", ylim=(-0.02, 1.02))
+    roc.set(xlabel="FPR", ylabel="1 - FNR", xlim=(-0.02, 0.5), ylim=(-0.02, 1.02))
+    figure.legend(*rates.get_legend_handles_labels(), fontsize=7, loc="outside right upper")
+    return figure
+
+
+def error_curves(outcomes: Sequence[Outcome]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Thresholds from 1e-4 to 100 with the mean FPR and FNR over the outcomes at each."""
+    thresholds = np.logspace(-4, 2, 121)
+    harmless = np.array([one.cost_of_harmless for one in outcomes])
+    true = np.array([one.cost_of_true for one in outcomes])
+    return (
+        thresholds,
+        np.array([(harmless > threshold).mean() for threshold in thresholds]),
+        np.array([(true <= threshold).mean() for threshold in thresholds]),
+    )

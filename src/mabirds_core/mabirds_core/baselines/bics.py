@@ -1,0 +1,42 @@
+"""BICS: the bi-level single loop of MA-BIRDS with one central learner (paper, section 5).
+
+With all N_L new demonstrations of iteration n at hand there is nothing to agree on, so W = 1 and
+
+    omega <- omega - alpha(n) grad_omega,   theta <- theta - beta(n) grad_theta
+
+for the mean loss of the last l iterations' demonstrations of all streams: one policy and one step an iteration.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mabirds_core.baselines.interface import CentralState, first_state
+from mabirds_core.games.interface import Trajectories
+from mabirds_core.gradient import GradientEstimator, stacked
+from mabirds_core.parameters import Parameters, StepSizes
+
+
+@dataclass(frozen=True)
+class Bics:
+    """``window``: l, iterations whose demonstrations make a gradient."""
+
+    estimator: GradientEstimator
+    steps: StepSizes
+    window: int
+    seed: int
+
+    def initial_state(self) -> CentralState:
+        """theta(1) of the reward model, omega(1) = 0."""
+        return first_state(self.estimator, self.seed)
+
+    def update(self, state: CentralState, demonstrations: Trajectories) -> CentralState:
+        """One gradient step."""
+        n = state.iteration
+        recent = (demonstrations, *state.seen)[: self.window]
+        rng = np.random.default_rng([self.seed, n])
+        mean, policy = self.estimator(state.parameters, stacked(recent), rng, state.policy)
+        share = len(recent) / self.window  # terms with n - i <= 0 are zero
+        gradient = Parameters(share * mean.theta, share * mean.omega)
+        after = self.steps.descend(state.parameters, gradient, n)
+        return CentralState(n + 1, after, recent[: self.window - 1], policy, state.work.more(1, 1))

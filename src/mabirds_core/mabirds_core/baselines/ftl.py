@@ -1,0 +1,49 @@
+"""FTL: follow the leader, the baseline [22] of the paper in single-loop bi-level form.
+
+At iteration n it descends the mean of all losses so far, over every demonstration of every stream,
+
+    G_n(theta, omega) = 1 / (n N_L) sum_{i <= n} sum_v G(theta, omega; zeta_v(i)),
+
+theta and omega together, until the gradient's largest entry is at most ``tolerance`` or ``most_steps`` are made.
+Step sizes decay over all steps since the beginning. Every step needs a policy of its own.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mabirds_core.baselines.interface import CentralState, first_state
+from mabirds_core.games.interface import Trajectories
+from mabirds_core.gradient import GradientEstimator, stacked
+from mabirds_core.parameters import Parameters, StepSizes
+
+
+@dataclass(frozen=True)
+class Ftl:
+    """``tolerance``: of the stationary point, in discounted counts. ``most_steps``: an iteration."""
+
+    estimator: GradientEstimator
+    steps: StepSizes
+    tolerance: float
+    most_steps: int
+    seed: int
+
+    def initial_state(self) -> CentralState:
+        """theta(1) of the reward model, omega(1) = 0."""
+        return first_state(self.estimator, self.seed)
+
+    def update(self, state: CentralState, demonstrations: Trajectories) -> CentralState:
+        """Gradient steps on the sum of all losses until it is nearly stationary."""
+        seen, rng = (demonstrations, *state.seen), np.random.default_rng([self.seed, state.iteration])
+        everything, parameters, policy = stacked(seen), state.parameters, state.policy
+        for made in range(self.most_steps + 1):
+            gradient, policy = self.estimator(parameters, everything, rng, policy)
+            if made == self.most_steps or largest(gradient) <= self.tolerance:
+                break
+            parameters = self.steps.descend(parameters, gradient, state.work.gradient_steps + made + 1)
+        return CentralState(state.iteration + 1, parameters, seen, policy, state.work.more(made, made + 1))
+
+
+def largest(gradient: Parameters) -> float:
+    """The largest absolute entry of both gradients."""
+    return max(float(np.abs(part).max()) for part in gradient)

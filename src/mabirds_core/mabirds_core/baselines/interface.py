@@ -1,0 +1,50 @@
+"""What a central method is: one learner that is given the demonstrations of all streams."""
+
+from typing import NamedTuple, Protocol
+
+from mabirds_core.games.interface import Trajectories
+from mabirds_core.gradient import GradientEstimator
+from mabirds_core.parameters import Parameters
+from mabirds_core.policies.interface import Policy
+
+
+class Work(NamedTuple):
+    """What a method has done since it began."""
+
+    gradient_steps: int = 0
+    policy_solves: int = 0
+
+    def more(self, gradient_steps: int, policy_solves: int) -> "Work":
+        """The sums."""
+        return Work(self.gradient_steps + gradient_steps, self.policy_solves + policy_solves)
+
+
+class CentralState(NamedTuple):
+    """A method before its update n.
+
+    ``seen``: the demonstrations of iterations n - 1, n - 2, ..., newest first, each with one row a stream.
+    ``policy``: the last one found, from which the next search starts.
+    """
+
+    iteration: int
+    parameters: Parameters
+    seen: tuple[Trajectories, ...] = ()
+    policy: Policy | None = None
+    work: Work = Work()
+
+
+class CentralMethod(Protocol):
+    """One of the methods; its settings are its attributes."""
+
+    def initial_state(self) -> CentralState:
+        """Before the first demonstration."""
+        ...
+
+    def update(self, state: CentralState, demonstrations: Trajectories) -> CentralState:
+        """Online iteration n with ``demonstrations`` of iteration n, one row a stream."""
+        ...
+
+
+def first_state(estimator: GradientEstimator, seed: int) -> CentralState:
+    """Iteration 1 with the parameters that learners of the network begin with."""
+    return CentralState(1, estimator.initial_parameters(seed))

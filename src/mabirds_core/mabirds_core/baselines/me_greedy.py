@@ -1,0 +1,74 @@
+"""ME-greedy: maximum-likelihood constraint inference of Scobee and Sastry (ICLR 2020), online.
+
+The true reward is given, and that the task is done by the deadline. The demonstrations are modelled by the
+maximum-entropy distribution over trajectories that break none of the hard constraints C learned so far,
+
+    P(zeta | C) proportional to exp( sum_t r(s_t, a_t) ) [ zeta breaks no constraint of C ].
+
+Adding constraint k divides the likelihood of demonstrations that respect it by 1 - m_k, m_k = P(zeta breaks k | C).
+So each iteration adds the one of largest mass m_k among those that no demonstration has broken, and stops where that
+mass is below ``least_mass``: the demonstrations would gain less than -log(1 - least_mass) nats each. A constraint
+that a newer demonstration breaks is withdrawn.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mabirds_core.arrays import Mask, Vector
+from mabirds_core.baselines.interface import CentralState
+from mabirds_core.games.interface import TabularGame, Trajectories, discounted_visitation
+from mabirds_core.gradient import stacked
+from mabirds_core.parameters import Parameters
+from mabirds_core.policies.interface import Policy
+from mabirds_core.policies.soft_bellman import SoftBellmanPolicy, maximum_entropy_policy
+
+
+@dataclass(frozen=True)
+class MeGreedy:
+    """Constraints are cost features; omega is -1 where one is learned and 0 elsewhere. theta is empty."""
+
+    game: TabularGame
+    least_mass: float
+
+    def initial_state(self) -> CentralState:
+        """No constraint."""
+        return CentralState(1, Parameters(np.zeros(0), np.zeros(len(self.game.cost_features.names))))
+
+    def update(self, state: CentralState, demonstrations: Trajectories) -> CentralState:
+        """Withdraw what the demonstrations break, then add at most one constraint."""
+        seen = (demonstrations, *state.seen)
+        broken = broken_features(self.game, stacked(seen))
+        learned = (state.parameters.omega < 0) & ~broken
+        policy = self._policy(learned)
+        masses = np.where(learned | broken, 0.0, violation_probabilities(self.game, policy))
+        best = int(masses.argmax())
+        if masses[best] >= self.least_mass:
+            learned[best] = True
+        parameters = Parameters(state.parameters.theta, -learned.astype(np.float64))
+        return CentralState(state.iteration + 1, parameters, seen, policy, state.work.more(0, 1))
+
+    def policy(self, parameters: Parameters) -> Policy:
+        """The maximum-entropy policy that breaks no learned constraint."""
+        return self._policy(parameters.omega < 0)
+
+    def _policy(self, learned: Mask) -> SoftBellmanPolicy:
+        forbidden = self.game.cost_features.table(learned.astype(np.float64)) > 0
+        return maximum_entropy_policy(self.game, forbidden)
+
+
+def broken_features(game: TabularGame, demonstrations: Trajectories) -> Mask:
+    """Which cost features a demonstration touches, shape (K,)."""
+    return game.cost_features.total(discounted_visitation(demonstrations, game.discount)) > 0
+
+
+def violation_probabilities(game: TabularGame, policy: Policy) -> Vector:
+    """P(phi_k(s_t, a_t) > 0 at some step t = 0..T) for every cost feature k, shape (K,)."""
+    everywhere, size = np.arange(game.n_states), len(game.cost_features.names)
+    respected = [game.cost_features.table(unit) == 0 for unit in np.eye(size)]
+    clean = np.ones((size, game.n_states))
+    for step in range(game.horizon, -1, -1):
+        chances = np.exp(policy.log_probabilities(step, everywhere))
+        for k, allowed in enumerate(respected):
+            clean[k] = (chances * allowed * clean[k][game.successor]).sum(axis=1)
+    return np.asarray(1.0 - clean @ game.initial_distribution)

@@ -1,0 +1,77 @@
+"""A central method as a ROS node, to compare with: it subscribes to the demonstrations of all learners.
+
+Started in the namespace of its method (/bics, /ftl, /dlm, /me_greedy), in the place of the learners. It publishes
+what a learner publishes, so that the player, the monitor and `mabirds inspect` take it for one.
+"""
+
+import sys
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+from mabirds_msgs.msg import Demonstration
+
+from mabirds_core.assembly import build_game, build_method
+from mabirds_learner.central_session import CentralSession
+from mabirds_learner.progress_node import ProgressNode
+from mabirds_msgs_py import topics
+from mabirds_msgs_py.conversion import RefusedMessageError, read_demonstration
+from mabirds_msgs_py.environment import prepare_environment
+from mabirds_msgs_py.node_main import run_node
+from mabirds_msgs_py.qos import latched
+
+PARAMETER_HISTORY = 256
+"""Iterations of parameters that a late joiner still gets."""
+
+
+class CentralNode(ProgressNode):
+    """The method of its namespace's name on an experiment. Raises MabirdsError for a wrong experiment or name."""
+
+    session: CentralSession
+
+    def __init__(self, **node_options: Any) -> None:
+        super().__init__("central", **node_options)
+        experiment, history = self._experiment, self._value("demonstration_history")
+        game = build_game(experiment)
+        method = build_method(experiment, self.own_name, game)
+        self.session = CentralSession(method, experiment.learners, experiment.iterations, history)
+        self.begin(game, PARAMETER_HISTORY)
+        for learner in experiment.learners:
+            topic = f"{self._fleet}{learner}/{topics.DEMONSTRATION}"
+            self.create_subscription(Demonstration, topic, partial(self._on_demonstration, learner), latched(history))
+
+    def _on_demonstration(self, learner: str, message: Demonstration) -> None:
+        try:
+            trajectory = read_demonstration(self._game, learner, message, self._experiment_digest)
+            self.session.receive_demonstration(learner, message.iteration, trajectory)
+        except RefusedMessageError as error:
+            self._drop(f"{topics.DEMONSTRATION} {message.iteration} of {learner}", error)
+        self._continue()
+
+
+HELP = """Run a central method on the demonstrations of all learners.
+
+Its namespace says which: bics, ftl, dlm or me_greedy.
+
+usage: mabirds-central --ros-args -r __ns:=/METHOD -p experiment:=FILE [-p PARAMETER:=VALUE ...]
+
+example: mabirds-central --ros-args -r __ns:=/bics -p experiment:=ros_ws/config/patrol.yaml
+
+parameters:
+  experiment              path of the experiment file (YAML)
+  demonstration_history   demonstrations of a learner kept ahead of the current iteration (256)
+  run                     name of this run; messages of other runs are refused ("")
+  status_period           seconds between status messages while nothing changes (1.0)
+
+The player must be told to wait for it: -p central:=METHOD.
+It ends on SIGINT or SIGTERM. Exit codes: 0 ended as asked, 2 wrong experiment, method or parameter."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Entry point of ``mabirds-central``."""
+    prepare_environment()
+    return run_node(CentralNode, HELP, arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,70 @@
+"""A central method without ROS: update n can be made once every stream's demonstration of iteration n is there."""
+
+from collections.abc import Sequence
+
+from mabirds_core.baselines.interface import CentralMethod
+from mabirds_core.games.interface import Trajectories
+from mabirds_core.gradient import stacked
+from mabirds_core.parameters import Parameters
+from mabirds_learner.inbox import accept
+
+
+class CentralSession:
+    """One method's side. ``streams``: names of the learners whose demonstrations it pools. ``iterations``: updates.
+
+    ``history``: how many iterations ahead demonstrations are kept.
+    """
+
+    def __init__(self, method: CentralMethod, streams: Sequence[str], iterations: int, history: int) -> None:
+        self.method = method
+        self.state = method.initial_state()
+        self.mixed_from: list[str] = []
+        self._iterations, self._history = iterations, history
+        self._demonstrations: dict[str, dict[int, Trajectories]] = {name: {} for name in streams}
+
+    @property
+    def iteration(self) -> int:
+        """n: theta(n), omega(n) are the current estimates."""
+        return self.state.iteration
+
+    @property
+    def parameters(self) -> Parameters:
+        """theta(n), omega(n)."""
+        return self.state.parameters
+
+    @property
+    def finished(self) -> bool:
+        """Are all updates made?"""
+        return self.iteration > self._iterations
+
+    @property
+    def backlog(self) -> int:
+        """Demonstrations that arrived and are not learned yet, of all streams."""
+        return sum(map(len, self._demonstrations.values()))
+
+    def waiting_for(self) -> list[str]:
+        """Streams whose demonstration of iteration n is still to come."""
+        if self.finished:
+            return []
+        return [name for name, known in self._demonstrations.items() if self.iteration not in known]
+
+    @property
+    def missing_demonstration(self) -> bool:
+        """Is a demonstration of iteration n still to come?"""
+        return bool(self.waiting_for())
+
+    @property
+    def ready(self) -> bool:
+        """Can the next update be made?"""
+        return not (self.finished or self.waiting_for())
+
+    def receive_demonstration(self, stream: str, iteration: int, trajectory: Trajectories) -> None:
+        """Keep zeta(iteration) of a stream. Raises RefusedMessageError where it is old, known, or too far ahead."""
+        accept(iteration, self.iteration, self._demonstrations[stream], self._history)
+        self._demonstrations[stream][iteration] = trajectory
+
+    def step(self) -> dict[str, float]:
+        """Make update n; returns the work done since the beginning."""
+        n = self.iteration
+        self.state = self.method.update(self.state, stacked([known.pop(n) for known in self._demonstrations.values()]))
+        return {name: float(count) for name, count in self.state.work._asdict().items()}
