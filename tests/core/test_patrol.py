@@ -304,3 +304,19 @@ def test_the_map_may_be_indented_and_end_with_an_empty_line() -> None:
 def test_the_digest_changes_with_every_setting(change: dict[str, Any]) -> None:
     original, changed = (PatrolSettings.model_validate({**SETTINGS, **extra}) for extra in ({}, change))
     assert PatrolGame(original).digest != PatrolGame(changed).digest
+
+
+def test_a_deadline_after_the_horizon_is_refused() -> None:
+    with pytest.raises(ValidationError, match="deadline 5: expected a step up to the horizon, 4"):
+        PatrolSettings(map="..", starts=(((0, 0),),), goals=((0, 1),), horizon=4, deadline=5)
+
+
+def test_the_deadline_is_the_horizon_unless_it_is_given() -> None:
+    settings = PatrolSettings(map="..", starts=(((0, 0),),), goals=((0, 1),), horizon=4)
+    assert PatrolGame(settings).deadline == 4
+    assert PatrolGame(settings.model_copy(update={"deadline": 3})).deadline == 3
+
+
+def test_a_step_costs_every_expert_under_way_as_much_as_the_settings_say() -> None:
+    settings = PatrolSettings(map="..", starts=(((0, 0),),), goals=((0, 1),), horizon=4, step_cost=0.25)
+    np.testing.assert_array_equal(PatrolGame(settings).task_reward, [[-0.25] * 4, [0.0] * 4])

@@ -4,13 +4,14 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from games import Cell, SlowPatrol, alone, hallway, trio
+from games import Cell, SlowPatrol, alone, hallway, random_policy, trio
 from hypothesis import given
 from hypothesis import strategies as st
 
 from mabirds_core.arrays import Array
 from mabirds_core.games.interface import FeatureMap, Visitation
 from mabirds_core.games.patrol import PatrolGame
+from mabirds_core.policies.occupancy import ExactExpectation
 
 GAMES = {"one expert": alone(), "two experts": hallway(), "three experts": trio()}
 KINDS = ["cost", "reward"]
@@ -120,3 +121,15 @@ def test_true_constraints_are_obstacles_sharing_and_swapping_by_name(build: Call
     experts = [f"expert_{i + 1}" for i in range(game.n_experts)]
     joint = {"sharing a cell", "swapping cells"} if game.n_experts > 1 else set()
     assert true == {f"{expert} in (1, 1)" for expert in experts} | joint
+
+
+def test_the_joint_features_count_as_often_as_the_settings_say() -> None:
+    plain = hallway()
+    scaled = PatrolGame(plain.settings.model_copy(update={"joint_scale": 3.0}))
+    visitation = ExactExpectation(plain)(random_policy(plain, np.random.default_rng(0)), np.random.default_rng(0))
+    once, thrice = (game.cost_features.total(visitation) for game in (plain, scaled))
+    np.testing.assert_allclose(thrice, once * np.repeat([1.0, 3.0], [len(once) - 2, 2]), atol=1e-12)
+    weights = np.random.default_rng(1).normal(size=len(once))
+    seen = scaled.cost_features.table(weights)[visitation.states, visitation.actions]
+    np.testing.assert_allclose(visitation.weights @ seen, weights @ thrice, atol=1e-9)
+    assert once[-2:].all()

@@ -9,7 +9,7 @@ import pytest
 
 from mabirds_core.errors import InfeasibleError
 from mabirds_core.games.patrol import PatrolGame, PatrolSettings
-from mabirds_expert_player.experts import OptimalExperts, demonstrations
+from mabirds_expert_player.experts import KINDS, OptimalExperts, SoftExperts, demonstrations
 
 Cell = tuple[int, int]
 Cells = tuple[Cell, ...]
@@ -201,7 +201,9 @@ def test_starts_without_a_clean_way_are_infeasible_with_a_remedy(game: PatrolGam
     with pytest.raises(InfeasibleError) as caught:
         next(demonstrations(OptimalExperts(game), 1, np.random.default_rng(0)))
     assert str(caught.value).startswith(message)
-    assert str(caught.value).endswith("that breaks no constraint; change the starts, the map, the deadline or the horizon")
+    assert str(caught.value).endswith(
+        "that breaks no constraint; change the starts, the map, the deadline or the horizon"
+    )
 
 
 def corridor(distance: int, horizon: int) -> OptimalExperts:
@@ -220,3 +222,59 @@ def test_a_goal_that_takes_one_move_more_than_the_horizon_is_infeasible(distance
     """A trajectory has T moves between its states s_0..s_T: arriving by the action of step T is too late."""
     with pytest.raises(InfeasibleError):
         list(demonstrations(corridor(distance, horizon=distance - 1), 1, np.random.default_rng(0)))
+
+
+def every_way(game: PatrolGame) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """States and actions of all action sequences from the only start, and which are clean and in time."""
+    actions = np.array(list(product(range(game.n_actions), repeat=game.horizon + 1)))
+    states = np.full_like(actions, int(np.flatnonzero(game.initial_distribution)[0]))
+    for step in range(game.horizon):
+        states[:, step + 1] = game.successor[states[:, step], actions[:, step]]
+    clean = ~game.violation[states, actions].any(axis=1)
+    return states, actions, clean & game.goal[states[:, game.deadline :]].all(axis=1)
+
+
+@pytest.mark.parametrize(("step_cost", "deadline"), [(0.0, 4), (0.7, 5), (2.0, 3)])
+def test_soft_experts_draw_every_clean_way_with_the_probability_of_its_reward(step_cost: float, deadline: int) -> None:
+    content = {"map": "...\n.#.", "starts": [[(0, 0)]], "goals": [(0, 2)], "horizon": 5, "discount": 0.5}
+    game = PatrolGame(PatrolSettings.model_validate({**content, "step_cost": step_cost, "deadline": deadline}))
+    states, actions, allowed = every_way(game)
+    weights = np.where(allowed, np.exp(game.task_reward[states, actions].sum(axis=1)), 0.0)
+    experts = SoftExperts(game)
+    with np.errstate(invalid="raise"):
+        logs = sum(
+            experts.log_probabilities(step, states[:, step])[np.arange(len(actions)), actions[:, step]]
+            for step in range(game.horizon + 1)
+        )
+    np.testing.assert_allclose(np.exp(logs), weights / weights.sum(), rtol=0, atol=1e-12)
+    assert 1 < allowed.sum() < len(allowed)
+
+
+def test_soft_experts_keep_the_deadline_and_every_constraint() -> None:
+    game = PatrolGame(
+        PatrolSettings(
+            map="....\n.##.\n....", starts=(((0, 0), (2, 3)),), goals=((2, 3), (0, 0)), horizon=12, deadline=9
+        )
+    )
+    arrivals = set()
+    for one in demonstrations(SoftExperts(game), 200, np.random.default_rng(0)):
+        assert not game.violation[one.states, one.actions].any()
+        arrivals.add(int(game.goal[one.states[0]].argmax()))
+        assert game.goal[one.states[0, 9:]].all()
+    assert min(arrivals) == 5
+    assert len(arrivals) > 1
+
+
+def test_optimal_experts_keep_a_deadline_before_the_horizon() -> None:
+    game = PatrolGame(
+        PatrolSettings(map="...", starts=(((0, 0),),), goals=((0, 2),), horizon=9, deadline=4, step_cost=0)
+    )
+    for one in demonstrations(OptimalExperts(game), 50, np.random.default_rng(0)):
+        assert game.goal[one.states[0, 4:]].all()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_deadline_that_cannot_be_kept_is_infeasible(kind: str) -> None:
+    game = PatrolGame(PatrolSettings(map="....", starts=(((0, 0),),), goals=((0, 3),), horizon=9, deadline=2))
+    with pytest.raises(InfeasibleError, match="1 of 1 starts have no way to the goal within 2 steps"):
+        next(demonstrations(KINDS[kind](game), 1, np.random.default_rng(0)))

@@ -91,7 +91,7 @@ class NeuralReward:
     @property
     def size(self) -> int:
         """H (D + 2)."""
-        return self.hidden * (self._x.shape[1] + 2)
+        return self.hidden * (len(self._x[0]) + 2)
 
     def initial(self, rng: np.random.Generator) -> Vector:
         """Standard normal inputs; outputs of zero, so that every policy looks alike at first."""

@@ -9,7 +9,7 @@ from mabirds_msgs.msg import Parameters as ParametersMessage
 from rclpy.node import Node
 
 from mabirds_core.errors import ExperimentError
-from mabirds_core.games.interface import TabularGame
+from mabirds_core.games.interface import ConstrainedMarkovGame
 from mabirds_core.metrics import norms
 from mabirds_core.parameters import Parameters
 from mabirds_msgs_py import topics
@@ -93,7 +93,7 @@ class ProgressNode(Node):
     def _value(self, name: str) -> Any:
         return self.get_parameter(name).value
 
-    def begin(self, game: TabularGame, history: int) -> None:
+    def begin(self, game: ConstrainedMarkovGame, history: int) -> None:
         """Announce theta(1), omega(1) and the status; ``history``: messages kept for those who come late."""
         self._game = game
         self._metrics = norms(self.session.parameters)

@@ -48,11 +48,11 @@ def discrete(
     from mabirds_bringup.discrete.report import write_report  # matplotlib takes a second to load
 
     with guarded_output() as stdout:
-        experiments = [shortened(load_experiment(file), iterations) for file in (main, hard)]
+        first, second = (shortened(load_experiment(file), iterations) for file in (main, hard))
         out.mkdir(parents=True, exist_ok=True)
-        outcomes = list(_run(all_cases(*experiments), range(FIRST_SEED, FIRST_SEED + seeds), jobs))
+        outcomes = list(_run(all_cases(first, second), range(FIRST_SEED, FIRST_SEED + seeds), jobs))
         command = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
-        content = write_report(*experiments, outcomes, out, command)
+        content = write_report(first, second, outcomes, out, command)
         for target in content["targets"]:
             console.print(f"{'met   ' if target['met'] else 'MISSED'} {target['name']}: {target['value']:.4f}")
         console.print(f"report in {out / 'report.html'}", soft_wrap=True)
