@@ -35,7 +35,8 @@ def monitor() -> Any:
         drop_reasons=["not_finite"],
         drop_counts=[3],
     )
-    return SimpleNamespace(statuses={"learner_1": status}, consensus=lambda: (5, 0.25, 1.5))
+    names = ("learner_1", "learner_2")
+    return SimpleNamespace(names=names, statuses={"learner_1": status}, consensus=lambda: (5, 0.25, 1.5))
 
 
 def test_the_live_table_says_who_waits_for_whom(experiment: Experiment, monitor: Any) -> None:

@@ -12,18 +12,18 @@ A sweep follows the newest policy, mixed with uniform actions, for some episodes
 to those visited before and backs all of them up, t = T first and 0 last. Three choices make few episodes suffice:
 
 - Every action of a visited state is backed up, not only those taken: the simulator is asked for the successors of
-  visited states, and of no others.
-- What was seen in a state is replayed at every step: the dynamics and r do not depend on t.
-- An unvisited s' is worth as much as the best visited successor of s. That is optimistic, so the episodes go and
-  look, and it follows the scale of the reward: adding a constant to r changes no policy. A fixed value, such as
-  that of maximum entropy without reward, is far too high for one theta and far too low for another.
+  the states that episodes meet, and of no others.
+- What was seen in a state is replayed at every step: neither the dynamics nor r depend on t.
+- An unvisited s' is worth as much as the best visited state among s and its successors. That is optimistic, so
+  episodes go and look; and it moves with the reward: adding a constant to r changes no policy. A fixed value, such
+  as that of maximum entropy without reward, is far too high for some theta and omega and far too low for others.
 
-So this is soft value iteration on the part of the game seen so far (compare real-time dynamic programming, Barto,
-Bradtke and Singh 1995), exact in all states from which only visited states can be reached. Between two searches it
-keeps which states were visited, and evaluates them anew under the new theta and omega: stale values cannot survive.
+So this is soft value iteration on the part of the game seen so far (compare real-time dynamic programming: Barto,
+Bradtke and Singh, 1995), and exact in the states from which only visited ones can be reached. A search that starts
+from an earlier policy takes over which states were visited and values them anew for its own theta and omega.
 
-Memory: T + 2 values a visited state, and nothing over all S states but the reward: reward models and features are
-asked for their whole table (S, A), once a search. The dynamics and the values are not enumerated.
+Memory: T + 2 values a visited state, and nothing of size T S. The dynamics and the values are not enumerated. The
+reward is: reward models and features give whole tables (S, A), asked for once a search.
 """
 
 from dataclasses import dataclass
@@ -42,8 +42,8 @@ from mabirds_core.rewards import RewardModel
 class SoftQPolicy:
     """The policy, kept as the values of the N states visited so far.
 
-    A state that was never visited is treated like the others, by looking one step ahead: its actions are weighed
-    by their reward and the values of its visited successors. Where it has none, the reward alone decides.
+    Where a state was never visited it looks one step ahead all the same: actions are weighed by their reward and by
+    the values of the successors, and by the reward alone where none of these was visited.
     """
 
     game: TabularGame
@@ -125,14 +125,18 @@ def backed_up(game: TabularGame, reward: Array, visited: Indices) -> SoftQPolicy
 
 
 def successor_places(game: TabularGame, states: Indices, visited: Indices) -> Indices:
-    """Where in ``visited`` the successors of M states are, shape (M, A); the last place for those that are not."""
-    successors = game.successor[states]
-    places = np.searchsorted(visited, successors)
-    return np.where(visited[places] == successors, places, len(visited) - 1)
+    """Where in ``visited`` the A successors of M states and the states themselves are, shape (M, A + 1).
+
+    The last place stands for those that are not in it.
+    """
+    nearby = np.column_stack([game.successor[states], states])
+    places = np.searchsorted(visited, nearby)
+    return np.where(visited[places] == nearby, places, len(visited) - 1)
 
 
 def successor_values(values: Vector, places: Indices) -> Array:
-    """V(s') at ``places``, shape (M, A); an unvisited s' has the largest value of its row, or 0 where all are such."""
+    """V(s') of the A successors at ``places``, shape (M, A); unvisited: the row's largest, or 0 if none is visited."""
     known = values[places]
     best = known.max(axis=1, keepdims=True)
-    return np.where(np.isneginf(known), np.where(np.isneginf(best), 0.0, best), known)
+    best[np.isneginf(best)] = 0.0
+    return np.where(np.isneginf(known), best, known)[:, :-1]
