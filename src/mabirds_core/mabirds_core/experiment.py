@@ -62,7 +62,7 @@ class SoftQSettings(_Settings):
     kind: Literal["soft_q_learning"]
     episodes: int = Field(200, ge=1, le=1_000_000, description="episodes a sweep")
     sweeps: int = Field(4, ge=1, le=1000, description="sweeps an iteration, each with the newest policy")
-    exploration: float = Field(0.1, ge=0, le=1, description="share of actions drawn uniformly")
+    exploration: float = Field(0.2, ge=0, le=1, description="share of actions drawn uniformly")
 
 
 class AlgorithmSettings(_Settings):
@@ -84,16 +84,16 @@ class AlgorithmSettings(_Settings):
 class FtlSettings(_Settings):
     """Follow the leader."""
 
-    tolerance: float = Field(0.05, gt=0, description="largest entry of a gradient that counts as stationary")
-    most_steps: int = Field(12, ge=1, le=100_000, description="gradient steps an iteration")
+    tolerance: float = Field(0.3, gt=0, description="largest entry of a gradient that counts as stationary")
+    most_steps: int = Field(50, ge=1, le=100_000, description="gradient steps an iteration")
 
 
 class DlmSettings(_Settings):
     """The double loop."""
 
-    tolerance: float = Field(0.05, gt=0, description="largest entry of the inner gradient that counts as solved")
-    most_steps: int = Field(12, ge=1, le=100_000, description="inner steps an iteration")
-    window: int = Field(1, ge=1, le=1000, description="l: iterations whose demonstrations make a loss")
+    tolerance: float = Field(0.5, gt=0, description="largest entry of the inner gradient that counts as solved")
+    most_steps: int = Field(50, ge=1, le=100_000, description="inner steps an iteration")
+    window: int = Field(10, ge=1, le=1000, description="l: iterations whose demonstrations make a loss")
 
 
 class MeGreedySettings(_Settings):

@@ -74,7 +74,7 @@ class SoftQFinder:
     sweeps: int
     """Sweeps a search, each with the newest policy."""
     exploration: float
-    """Share of the actions that are drawn uniformly, in [0, 1]."""
+    """Share of the actions that are drawn uniformly, in [0, 1]; the larger the rewards, the more is needed."""
 
     def find(
         self, theta: Vector, omega: Vector, previous: Policy | None = None, rng: np.random.Generator | None = None
