@@ -129,8 +129,9 @@ def test_the_cases_are_all_methods_and_all_variations() -> None:
     cases = all_cases(*shipped())
     assert [case.label for case in cases if case.group == MAIN] == ["MA-BIRDS", "BICS", "FTL", "DLM", "ME-greedy"]
     by_label = {case.label: case.experiment for case in cases if case.group == VARIATIONS}
-    assert len(by_label["4 learners"].learners) == 4
-    assert len(by_label["8 learners"].learners) == 8
+    for count in (2, 4, 8):
+        ring = by_label[f"{count} learners on an alternating ring"]
+        assert (len(ring.learners), ring.schedule.kind) == (count, "alternating")
     assert by_label["neural reward"].algorithm.reward.kind == "neural"
     assert by_label["soft Q-learning"].algorithm.policy.kind == "soft_q_learning"
     starts = [case.experiment.algorithm.rollout_start for case in cases if case.group == HARD]
@@ -167,7 +168,15 @@ def test_the_command_writes_a_report(make_experiment: Callable[..., Path], tmp_p
     assert content["seeds"] == [101, 102]
     assert {"name", "value", "target", "met"} <= set(content["targets"][0])
     labels = {row["label"] for row in content["results"]}
-    assert {"MA-BIRDS", "BICS", "FTL", "DLM", "ME-greedy", "8 learners", "soft Q-learning"} <= labels
+    assert {
+        "MA-BIRDS",
+        "BICS",
+        "FTL",
+        "DLM",
+        "ME-greedy",
+        "8 learners on an alternating ring",
+        "soft Q-learning",
+    } <= labels
     with gzip.open(tmp_path / "out" / "outcomes.json.gz", "rt", encoding="utf-8") as stream:
         assert len(json.load(stream)) == 2 * len(content["results"])
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")

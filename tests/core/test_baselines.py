@@ -268,11 +268,12 @@ def test_a_method_runs_on_all_streams_of_an_experiment(name: str) -> None:
 
 def test_methods_take_their_settings_from_the_experiment() -> None:
     baselines = {
-        "ftl": {"tolerance": 0.3, "most_steps": 7},
+        "ftl": {"tolerance": 0.3, "most_steps": 7, "steps": {"alpha": 9.0, "beta": 1.0}},
         "dlm": {"tolerance": 0.4, "most_steps": 8, "window": 5},
         "me_greedy": {"least_mass": 0.2},
     }
     settings = experiment({"algorithm.window": 3}).model_dump(mode="json")
+    settings_of_the_algorithm = experiment().algorithm.steps
     made = {
         name: build_method(type(experiment()).model_validate({**settings, "baselines": baselines}), name)
         for name in METHODS
@@ -280,9 +281,10 @@ def test_methods_take_their_settings_from_the_experiment() -> None:
     assert isinstance(made["bics"], Bics)
     assert made["bics"].window == 3
     assert isinstance(made["ftl"], Ftl)
-    assert (made["ftl"].tolerance, made["ftl"].most_steps) == (0.3, 7)
+    assert (made["ftl"].tolerance, made["ftl"].most_steps, made["ftl"].steps.alpha) == (0.3, 7, 9.0)
     assert isinstance(made["dlm"], Dlm)
     assert (made["dlm"].tolerance, made["dlm"].most_steps, made["dlm"].window) == (0.4, 8, 5)
+    assert made["dlm"].steps == settings_of_the_algorithm
     assert isinstance(made["me_greedy"], MeGreedy)
     assert made["me_greedy"].least_mass == 0.2
 

@@ -53,8 +53,10 @@ def build_method(experiment: Experiment, name: str, game: TabularGame | None = N
         case "bics":
             return Bics(estimator, steps, experiment.algorithm.window, seed)
         case "ftl":
+            steps = settings.ftl.steps or steps
             return Ftl(estimator, steps, settings.ftl.tolerance, settings.ftl.most_steps, seed)
         case "dlm":
+            steps = settings.dlm.steps or steps
             return Dlm(estimator, steps, settings.dlm.window, settings.dlm.tolerance, settings.dlm.most_steps, seed)
         case "me_greedy":
             return MeGreedy(game, settings.me_greedy.least_mass)

@@ -84,6 +84,7 @@ class AlgorithmSettings(_Settings):
 class FtlSettings(_Settings):
     """Follow the leader."""
 
+    steps: StepSizes | None = Field(None, description="step sizes; default: the algorithm's")
     tolerance: float = Field(0.3, gt=0, description="largest entry of a gradient that counts as stationary")
     most_steps: int = Field(50, ge=1, le=100_000, description="gradient steps an iteration")
 
@@ -91,6 +92,7 @@ class FtlSettings(_Settings):
 class DlmSettings(_Settings):
     """The double loop."""
 
+    steps: StepSizes | None = Field(None, description="step sizes; default: the algorithm's")
     tolerance: float = Field(0.5, gt=0, description="largest entry of the inner gradient that counts as solved")
     most_steps: int = Field(50, ge=1, le=100_000, description="inner steps an iteration")
     window: int = Field(10, ge=1, le=1000, description="l: iterations whose demonstrations make a loss")

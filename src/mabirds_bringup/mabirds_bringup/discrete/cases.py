@@ -47,8 +47,8 @@ def _table_cases(main: Experiment) -> Iterator[Case]:
 def _variations(main: Experiment) -> Iterator[Case]:
     other = "sampled" if main.algorithm.expectation == "exact" else "exact"
     yield Case(VARIATIONS, f"{other} expectations", with_algorithm(main, expectation=other))
-    for count in (4, 8):
-        yield Case(VARIATIONS, f"{count} learners", _with_learners(main, count))
+    for count in (2, 4, 8):
+        yield Case(VARIATIONS, f"{count} learners on an alternating ring", _on_alternating_ring(main, count))
     neural = {"kind": "neural", "hidden": 32, "bound": 10.0}
     yield Case(VARIATIONS, "neural reward", with_algorithm(main, reward=neural))
     yield Case(VARIATIONS, "soft Q-learning", with_algorithm(main, policy={"kind": "soft_q_learning"}))
@@ -67,8 +67,9 @@ def with_algorithm(experiment: Experiment, **changes: Any) -> Experiment:
     return Experiment.model_validate(content)
 
 
-def _with_learners(experiment: Experiment, count: int) -> Experiment:
+def _on_alternating_ring(experiment: Experiment, count: int) -> Experiment:
     content = experiment.model_dump(mode="json")
+    content["schedule"] = {"kind": "alternating"}
     content["learners"] = [f"learner_{number}" for number in range(1, count + 1)]
     return Experiment.model_validate(content)
 
