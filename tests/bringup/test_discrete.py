@@ -15,7 +15,8 @@ import pytest
 from mabirds_bringup.discrete.cases import HARD, MAIN, VARIATIONS, Case, all_cases, shortened
 from mabirds_bringup.discrete.figures import error_curves
 from mabirds_bringup.discrete.outcome import Outcome, run_case
-from mabirds_bringup.discrete.tables import COLUMNS, agreement, rows, spread, table, targets, time_to
+from mabirds_bringup.discrete.tables import COLUMNS, rows, spread, table, time_to
+from mabirds_bringup.discrete.targets import agreement, targets
 from mabirds_core.experiment import Experiment, load_experiment
 from mabirds_core.metrics import constraint_errors
 
@@ -91,7 +92,7 @@ def test_learners_agree_where_their_constraint_sets_are_equal() -> None:
 def test_targets_say_what_is_met_and_what_is_missed() -> None:
     bad = outcome(learner="learner_2", false_positive_rate=0.04)
     ftl, dlm = (outcome(name, name.lower(), seconds=[9.0, 11.0 + extra]) for name, extra in (("FTL", 40), ("DLM", 0)))
-    found = {one["name"]: one["met"] for one in targets([outcome(), bad, ftl, dlm])}
+    found = {one.name: one.met for one in targets([outcome(), bad, ftl, dlm])}
     assert found["MA-BIRDS learner_1 false_positive_rate"] is True
     assert found["MA-BIRDS learner_2 false_positive_rate"] is False
     assert found["MA-BIRDS learner_2 success_rate"] is True

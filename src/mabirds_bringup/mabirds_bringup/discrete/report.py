@@ -15,7 +15,8 @@ import numpy as np
 from mabirds_bringup.discrete.cases import HARD, MAIN, VARIATIONS
 from mabirds_bringup.discrete.figures import save_figures
 from mabirds_bringup.discrete.outcome import Outcome
-from mabirds_bringup.discrete.tables import COLUMNS, agreement, rows, table, targets
+from mabirds_bringup.discrete.tables import COLUMNS, rows, table
+from mabirds_bringup.discrete.targets import agreement, targets
 from mabirds_bringup.report import html_table, image, write_page
 from mabirds_bringup.run_directory import write_json
 from mabirds_core.experiment import Experiment
@@ -49,7 +50,7 @@ def write_report(
         "seeds": sorted({one.seed for one in outcomes}),
         "same_constraint_set": {str(seed): same for seed, same in agreement(outcomes).items()},
         "results": [asdict(row) for row in rows(outcomes)],
-        "targets": targets(outcomes),
+        "targets": [target.as_dict() for target in targets(outcomes)],
     }
     write_json(directory / "summary.json", content)
     with gzip.open(directory / "outcomes.json.gz", "wt", encoding="utf-8") as stream:

@@ -2,11 +2,9 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from mabirds_bringup.discrete.cases import HARD, MAIN
 from mabirds_bringup.discrete.outcome import Outcome
 
 SUCCESS_LEVELS = (0.5, 0.9)
@@ -123,46 +121,3 @@ def _work(row: Row) -> list[str]:
         f"{row.policy_solves / row.iterations:.1f}",
         f"{row.iteration_seconds:.3f}",
     ]
-
-
-def agreement(outcomes: Sequence[Outcome]) -> dict[int, bool]:
-    """Have all learners of MA-BIRDS learned the same constraint set? By seed, in the main case."""
-    sets: dict[int, set[tuple[int, ...]]] = {}
-    for one in outcomes:
-        if one.group == MAIN and one.learner.startswith("learner"):
-            sets.setdefault(one.seed, set()).add(tuple(one.learned))
-    return {seed: len(found) == 1 for seed, found in sets.items()}
-
-
-def targets(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
-    """What the experiment is to show: name, value, target, met."""
-    of, found = rows(outcomes), []
-
-    def expect(name: str, value: float, limit: float, *, at_most: bool) -> None:
-        met = value <= limit if at_most else value >= limit
-        found.append({"name": name, "value": value, "target": limit, "at_most": at_most, "met": bool(met)})
-
-    for row in (row for row in of if row.group == MAIN and row.label in BARS):
-        limits = BARS[row.label]
-        for name, limit in limits.items():
-            expect(f"{row.name} {name}", getattr(row, name).mean, limit, at_most=name != "success_rate")
-    learner = min((row.iteration_seconds for row in of if row.label == "MA-BIRDS"), default=1.0)
-    for row in (row for row in of if row.label in ("FTL", "DLM")):
-        expect(f"{row.name} time an iteration / MA-BIRDS", row.iteration_seconds / learner, 5.0, at_most=False)
-    same = agreement(outcomes)
-    expect("seeds with one constraint set", sum(same.values()), len(same), at_most=False)
-    for row in [row for row in of if row.group == HARD][: len({r.learner for r in of if r.group == HARD})]:
-        expect(f"many starts, {row.name} violation_rate", row.violation_rate.mean, 0.04, at_most=True)
-        expect(f"many starts, {row.name} success_rate", row.success_rate.mean, 0.96, at_most=False)
-    return found
-
-
-BARS: dict[str, dict[str, float]] = {
-    "MA-BIRDS": {
-        "false_positive_rate": 0.03, "false_negative_rate": 0.0, "violation_rate": 0.005, "success_rate": 0.995
-    },
-    "BICS": {"violation_rate": 0.040, "success_rate": 0.960},
-    "FTL": {"violation_rate": 0.030, "success_rate": 0.970},
-    "DLM": {"violation_rate": 0.015, "success_rate": 0.985},
-}  # fmt: skip
-"""MA-BIRDS: what a prototype came to; the others: the paper's Table 1."""
