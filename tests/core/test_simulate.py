@@ -210,3 +210,23 @@ def test_learning_makes_the_demonstrations_likelier() -> None:
         )
 
     assert log_likelihood(learned) > log_likelihood(uniform) + 10
+
+
+def test_closing_rounds_average_and_take_no_step() -> None:
+    plain, closing = experiment(), experiment({"closing_rounds": 2})
+    streams, seen = demonstrations(plain), list[Progress]()
+    before, after = simulate(plain, streams), simulate(closing, streams, seen.append)
+    assert len(seen) == plain.iterations * len(plain.learners)
+    assert_same_histories({name: parameters[:-2] for name, parameters in after.items()}, before)
+    for part in ("theta", "omega"):
+        own = np.array([getattr(before[name][-1], part) for name in plain.learners])
+        closed = np.array([getattr(after[name][-1], part) for name in plain.learners])
+        np.testing.assert_allclose(closed, np.tile(own.mean(axis=0), (3, 1)), atol=1e-12)
+        assert np.abs(own - own.mean(axis=0)).max() > 0.01
+
+
+def test_two_learners_end_with_the_same_bits_after_one_closing_round() -> None:
+    settings = experiment({"learners": ["ann", "bob"], "closing_rounds": 1})
+    ann, bob = (parameters[-1] for parameters in simulate(settings, demonstrations(settings)).values())
+    assert ann.theta.tobytes() == bob.theta.tobytes()
+    assert ann.omega.tobytes() == bob.omega.tobytes()

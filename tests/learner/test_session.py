@@ -165,3 +165,20 @@ def test_no_learner_runs_further_ahead_than_the_bound(
                 at[v] += 1
                 movable = True
     assert max(at.values()) <= start + bound
+
+
+def test_closing_rounds_wait_for_neighbours_and_for_no_demonstration(experiment: Experiment) -> None:
+    learner, streams = build_learner(experiment, "learner_1"), demonstrations(experiment)
+    session = StrictSession(learner, 1, 256, 64, closing_rounds=1)
+    session.receive_demonstration(1, streams["learner_1"][0])
+    session.receive_parameters(1, 1, session.parameters)
+    assert set(session.step()) == {"gradient_theta_norm", "gradient_omega_norm"}
+    assert (session.finished, session.missing_demonstration, session.waiting_for()) == (False, False, ["learner_2"])
+    other = Parameters(session.parameters.theta + 2, session.parameters.omega + 4)
+    expected = session.parameters.theta + 1, session.parameters.omega + 2
+    session.receive_parameters(1, 2, other)
+    assert session.ready
+    assert session.step() == {}
+    np.testing.assert_allclose(session.parameters.theta, expected[0], atol=1e-12)
+    np.testing.assert_allclose(session.parameters.omega, expected[1], atol=1e-12)
+    assert (session.finished, session.waiting_for(), session.ready) == (True, [], False)

@@ -120,3 +120,20 @@ def test_mixing_follows_the_schedule_at_every_iteration(make_experiment: Callabl
     nodes.spin_until(lambda: len(delivered) == 3 * 6)
     sender = {"learner_1": "learner_3", "learner_2": "learner_1", "learner_3": "learner_2"}
     assert delivered == {(name, n): [sender[name]] if n % 2 else [] for name in learners for n in range(1, 7)}
+
+
+def test_closing_rounds_equal_the_reference(
+    make_experiment: Callable[..., Path], nodes: Any, context: Context, tmp_path: Path
+) -> None:
+    file = make_experiment(iterations=5, learners=4, schedule={"kind": "alternating"}, change={"closing_rounds": 3})
+    experiment = load_experiment(file)
+    with BagWriter(tmp_path / "recording") as recording:
+        monitor = nodes.add(MonitorNode(experiment, recording, context=context))
+        for name in experiment.learners:
+            nodes.learner(file, name)
+        player = nodes.player(file, hz=50.0)
+        nodes.spin_until(lambda: monitor.finished and player.done)
+    history = monitor.history()
+    assert {len(parameters) for parameters in history.values()} == {1 + 5 + 3}
+    assert_same_bits(history, simulate_from_bag(experiment))
+    assert {status.last_demonstration for status in monitor.statuses.values()} == {5}

@@ -87,7 +87,7 @@ def summary(experiment: Experiment, evaluation: Evaluation, seconds: float) -> d
     for name in evaluation.learned:
         final = asdict(evaluation.final(name))
         learners[name] = {
-            "iterations": final.pop("iteration") - 1,
+            "iterations": min(final.pop("iteration") - 1, experiment.iterations),
             **{key: value for key, value in final.items() if key != "learner"},
             "learned_constraints": evaluation.learned[name],
         }

@@ -80,8 +80,9 @@ class MonitorNode(Node):
 
     @property
     def finished(self) -> bool:
-        """Has every learner made all updates, and has the result of the last one arrived?"""
-        last = self._experiment.iterations + 1
+        """Has every learner made all updates and closing rounds, and has the result of the last one arrived?"""
+        closing = self._experiment.closing_rounds if self.names == self._experiment.learners else 0
+        last = self._experiment.iterations + closing + 1
         return all(last in known for known in self.parameters.values()) and all(
             name in self.statuses and self.statuses[name].state == LearnerStatus.FINISHED for name in self.names
         )

@@ -74,6 +74,13 @@ class Learner:
         after = self.steps.descend(self._mix(state, neighbours), gradient, n)
         return Update(LearnerState(n + 1, after, recent[: self.window - 1], policy), gradient)
 
+    def agree(self, state: LearnerState, neighbours: Mapping[int, Parameters]) -> LearnerState:
+        """A closing round: theta and omega are mixed as at every iteration, and no step is taken.
+
+        What is left of the learners' last steps of their own fades; on a complete graph one round ends in agreement.
+        """
+        return state._replace(iteration=state.iteration + 1, parameters=self._mix(state, neighbours))
+
     def _mix(self, state: LearnerState, neighbours: Mapping[int, Parameters]) -> Parameters:
         """sum_u W(n)[v, u] (theta_u, omega_u), summed in the order of the learners' list."""
         expected = self.schedule.in_neighbours(self.index, state.iteration)

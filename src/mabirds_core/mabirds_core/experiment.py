@@ -175,6 +175,7 @@ class Experiment(_Settings):
     demonstrations: DemonstrationSettings
     baselines: BaselineSettings = BaselineSettings()
     iterations: int = Field(ge=1, le=1_000_000, description="updates a learner makes, one demonstration each")
+    closing_rounds: int = Field(0, ge=0, le=10_000, description="rounds of averaging alone, after the last update")
     seed: int = Field(0, ge=0, description="of the learners' rollouts")
     constraint_threshold: float = Field(ge=0, description="a constraint is learned where -omega exceeds this")
 
@@ -204,7 +205,7 @@ class Experiment(_Settings):
     @property
     def digest(self) -> str:
         """SHA-256 of what decides theta and omega and when to end. Not of the schedule, nor of the bag's place."""
-        deciding = {"game", "algorithm", "learners", "baselines", "iterations", "seed"}
+        deciding = {"game", "algorithm", "learners", "baselines", "iterations", "closing_rounds", "seed"}
         content = self.model_dump(mode="json", include=deciding)
         return digest(content)
 

@@ -34,7 +34,7 @@ OnUpdate = Callable[[Progress], None]
 
 
 def simulate(experiment: Experiment, demonstrations: Streams, on_update: OnUpdate = lambda _: None) -> History:
-    """Run every learner for ``experiment.iterations`` updates; ``on_update`` is called after each.
+    """Run every learner for ``experiment.iterations`` updates, ``on_update`` is called after each, and closing rounds.
 
     Raises ExperimentError for a stream that is too short.
     """
@@ -43,14 +43,17 @@ def simulate(experiment: Experiment, demonstrations: Streams, on_update: OnUpdat
     learners = {name: build_learner(experiment, name, game) for name in experiment.learners}
     states = {name: learner.initial_state() for name, learner in learners.items()}
     history: History = {name: [state.parameters] for name, state in states.items()}
-    for iteration in range(1, experiment.iterations + 1):
+    for iteration in range(1, experiment.iterations + experiment.closing_rounds + 1):
         known = {learner.index: states[name].parameters for name, learner in learners.items()}
         for name, learner in learners.items():
             neighbours = {u: known[u] for u in learner.schedule.in_neighbours(learner.index, iteration)}
-            start = perf_counter()
-            states[name] = learner.update(states[name], demonstrations[name][iteration - 1], neighbours).state
+            if iteration > experiment.iterations:
+                states[name] = learner.agree(states[name], neighbours)
+            else:
+                start = perf_counter()
+                states[name] = learner.update(states[name], demonstrations[name][iteration - 1], neighbours).state
+                on_update(Progress(name, perf_counter() - start, Work(iteration, iteration)))
             history[name].append(states[name].parameters)
-            on_update(Progress(name, perf_counter() - start, Work(iteration, iteration)))
     return history
 
 

@@ -39,7 +39,11 @@ class LearnerNode(ProgressNode):
         learner = build_learner(self._experiment, self.own_name)
         self._parameter_history = self._value("parameter_history") or default_history(learner.schedule)
         self.session = StrictSession(
-            learner, self._experiment.iterations, self._value("demonstration_history"), self._parameter_history
+            learner,
+            self._experiment.iterations,
+            self._value("demonstration_history"),
+            self._parameter_history,
+            self._experiment.closing_rounds,
         )
         self._stalled_at = 0
         self.begin(learner.game, self._parameter_history)

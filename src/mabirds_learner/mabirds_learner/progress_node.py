@@ -136,7 +136,7 @@ class ProgressNode(Node):
         self._publish_parameters()
         self._continue()
         if self.session.finished:
-            self.get_logger().info(f"{self.own_name}: all {self.session.iteration - 1} demonstrations learned")
+            self.get_logger().info(f"{self.own_name}: all {self._experiment.iterations} demonstrations learned")
 
     def _now(self) -> int:
         return self.get_clock().now().nanoseconds
@@ -159,7 +159,7 @@ class ProgressNode(Node):
             schedule_digest=self._schedule.digest,
             state=self._state(),
             iteration=session.iteration,
-            last_demonstration=session.iteration - 1,
+            last_demonstration=min(session.iteration - 1, self._experiment.iterations),
             backlog=session.backlog,
             waiting_for=session.waiting_for(),
             mixed_from=session.mixed_from,

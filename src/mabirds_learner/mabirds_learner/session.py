@@ -20,15 +20,23 @@ DEMONSTRATION = "demonstration"
 class StrictSession:
     """One learner's side of the exchange.
 
-    ``iterations``: updates to make. ``demonstration_history``, ``parameter_history``: how many iterations ahead
-    messages are kept. Raises ScheduleError where the schedule lets neighbours run further ahead than that.
+    ``iterations``: updates to make; ``closing_rounds``: rounds of averaging alone after them.
+    ``demonstration_history``, ``parameter_history``: how many iterations ahead messages are kept. Raises
+    ScheduleError where the schedule lets neighbours run further ahead than that.
     """
 
-    def __init__(self, learner: Learner, iterations: int, demonstration_history: int, parameter_history: int) -> None:
+    def __init__(
+        self,
+        learner: Learner,
+        iterations: int,
+        demonstration_history: int,
+        parameter_history: int,
+        closing_rounds: int = 0,
+    ) -> None:
         self.learner = learner
         self.state = learner.initial_state()
         self.mixed_from: list[str] = []
-        self._iterations = iterations
+        self._iterations, self._rounds = iterations, iterations + closing_rounds
         self._demonstration_history = demonstration_history
         self._parameter_history = parameter_history
         self._demonstrations: dict[int, Trajectories] = {}
@@ -56,8 +64,8 @@ class StrictSession:
 
     @property
     def finished(self) -> bool:
-        """Are all updates made?"""
-        return self.iteration > self._iterations
+        """Are all updates and closing rounds made?"""
+        return self.iteration > self._rounds
 
     @property
     def backlog(self) -> int:
@@ -67,7 +75,7 @@ class StrictSession:
     @property
     def missing_demonstration(self) -> bool:
         """Is zeta(n) still to come?"""
-        return not self.finished and self.iteration not in self._demonstrations
+        return self.iteration <= self._iterations and self.iteration not in self._demonstrations
 
     def missing_neighbours(self) -> list[int]:
         """In-neighbours of E(n) whose parameters of iteration n are still to come."""
@@ -104,18 +112,22 @@ class StrictSession:
         self._parameters[neighbour][iteration] = parameters
 
     def step(self) -> dict[str, float]:
-        """Make update n, only when ``ready``; returns the norms of its gradients."""
-        n = self.iteration
+        """Make update n, only when ``ready``; returns the norms of its gradients, nothing for a closing round."""
+        n, metrics = self.iteration, dict[str, float]()
         neighbours = {u: self._parameters[u][n] for u in self._scheduled(n)}
-        update = self.learner.update(self.state, self._demonstrations[n], neighbours)
-        self.state = update.state
+        if n > self._iterations:
+            self.state = self.learner.agree(self.state, neighbours)
+        else:
+            update = self.learner.update(self.state, self._demonstrations[n], neighbours)
+            self.state = update.state
+            metrics = {f"gradient_{name}": value for name, value in norms(update.gradient).items()}
         self.mixed_from = [self.learner.schedule.learners[u] for u in neighbours]
         self._forget(n)
-        return {f"gradient_{name}": value for name, value in norms(update.gradient).items()}
+        return metrics
 
     def _forget(self, iteration: int) -> None:
         """Drop what served update n, and own parameters that nobody can ask for any more."""
-        del self._demonstrations[iteration]
+        self._demonstrations.pop(iteration, None)
         for known in self._parameters.values():
             known.pop(iteration, None)
         self._own[self.iteration] = self.state.parameters

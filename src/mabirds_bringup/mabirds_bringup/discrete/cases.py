@@ -70,6 +70,7 @@ def with_algorithm(experiment: Experiment, **changes: Any) -> Experiment:
 def _on_alternating_ring(experiment: Experiment, count: int) -> Experiment:
     content = experiment.model_dump(mode="json")
     content["schedule"] = {"kind": "alternating"}
+    content["closing_rounds"] = 2 * count  # news take so long around the ring
     content["learners"] = [f"learner_{number}" for number in range(1, count + 1)]
     return Experiment.model_validate(content)
 

@@ -18,8 +18,8 @@ from mabirds_bringup.processes import ONE_THREAD
 from mabirds_bringup.verbs.options import Json
 from mabirds_core.experiment import load_experiment
 
-FIRST_SEED = 101
-"""The reported seeds are 101, 102, ...; none of them served to choose settings."""
+FIRST_SEED = 201
+"""The reported seeds are 201, 202, ...; none of them served to choose settings."""
 
 bench_app = typer.Typer(help="Experiments over many seeds, with tables and pictures.")
 
@@ -35,7 +35,7 @@ def discrete(
     hard: Annotated[Path, typer.Option(help="Experiment with many starts.")] = Path(
         "ros_ws/config/discrete_many_starts.yaml"
     ),
-    seeds: Annotated[int, typer.Option(help="Seeds, from 101 on.", min=1, max=1000)] = 5,
+    seeds: Annotated[int, typer.Option(help="Seeds, from 201 on.", min=1, max=1000)] = 5,
     iterations: Annotated[int, typer.Option(help="At most so many, for a quick look.", min=1)] = 1_000_000,
     jobs: Annotated[int, typer.Option(help="Cases at once; times are comparable with 1.", min=1, max=256)] = 1,
     out: Annotated[Path, typer.Option(help="Report directory.")] = Path("runs/bench-discrete"),
