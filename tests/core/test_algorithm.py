@@ -12,13 +12,14 @@ from mabirds_core.arrays import Indices, Vector
 from mabirds_core.errors import DivergenceError, ScheduleError
 from mabirds_core.games.interface import Trajectories, Visitation, discounted_visitation
 from mabirds_core.games.patrol import PatrolGame
+from mabirds_core.generators import complete_edges, static
 from mabirds_core.gradient import GradientEstimator
 from mabirds_core.parameters import Parameters, StepSizes
 from mabirds_core.policies.interface import Expectation, Policy
 from mabirds_core.policies.occupancy import SampledExpectation, rollouts
 from mabirds_core.policies.soft_bellman import SoftBellmanFinder, soft_bellman_policy
 from mabirds_core.rewards import LinearReward
-from mabirds_core.schedule import EdgeSchedule, both_ways, complete_edges, static
+from mabirds_core.schedule import EdgeSchedule, both_ways
 
 STEPS = StepSizes(alpha=3.0, beta=0.7, eta1=0.6, eta2=0.9)
 SLOTS = (both_ways([(0, 1), (1, 2)]), both_ways([(0, 2)]), frozenset({(0, 1), (1, 2), (2, 0)}))

@@ -17,13 +17,13 @@ from mabirds_core.baselines.me_greedy import MeGreedy, violation_probabilities
 from mabirds_core.errors import ExperimentError
 from mabirds_core.games.interface import Trajectories, discounted_visitation
 from mabirds_core.games.patrol import PatrolGame
+from mabirds_core.generators import complete_edges, static
 from mabirds_core.gradient import GradientEstimator, stacked
 from mabirds_core.metrics import exact_imitation
 from mabirds_core.parameters import Parameters, StepSizes
 from mabirds_core.policies.occupancy import ExactExpectation, rollouts
 from mabirds_core.policies.soft_bellman import SoftBellmanFinder, soft_bellman_policy
 from mabirds_core.rewards import LinearReward
-from mabirds_core.schedule import complete_edges, static
 from mabirds_core.simulate import simulate, simulate_central
 
 STEPS = StepSizes(alpha=2.0, beta=0.8, eta1=0.6, eta2=0.7)

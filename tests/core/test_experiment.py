@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment import Experiment, load_experiment
-from mabirds_core.schedule import alternating_ring, complete_edges, ring_edges, static
+from mabirds_core.generators import alternating_ring, complete_edges, ring_edges, static
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 PATROL = REPOSITORY / "ros_ws" / "config" / "patrol.yaml"

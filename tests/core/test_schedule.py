@@ -8,17 +8,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from mabirds_core.errors import ScheduleError
-from mabirds_core.schedule import (
-    EdgeSchedule,
-    alternating_ring,
-    both_ways,
-    complete_edges,
-    ring_edges,
-    smallest_window,
-    static,
-    unreachable,
-    validate,
-)
+from mabirds_core.generators import alternating_ring, complete_edges, ring_edges, static
+from mabirds_core.schedule import EdgeSchedule, both_ways, smallest_window, unreachable, validate
 from mabirds_core.weights import Edge
 
 NAMES = ("a", "b", "c")

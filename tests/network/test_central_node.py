@@ -45,7 +45,7 @@ def test_a_central_method_as_a_process(make_experiment: Callable[..., Path], tmp
     file = make_experiment(iterations=6)
     experiment = load_experiment(file)
     (tmp_path / "logs").mkdir()
-    history = Network(experiment, file, tmp_path, {"hz": 20.0}, method="bics").run()
+    history = Network(experiment, file, tmp_path, {"hz": 20.0}, method="bics").run().history
     assert bits(history["bics"]) == bits(simulate_from_bag(experiment, "bics")["bics"])
 
 

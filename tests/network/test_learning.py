@@ -12,6 +12,7 @@ from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecu
 from mabirds_bringup.evaluation import evaluate
 from mabirds_bringup.monitor import MonitorNode
 from mabirds_bringup.network import PLAYER, Network
+from mabirds_bringup.results import audit
 from mabirds_bringup.verbs.simulate import simulate_from_bag
 from mabirds_core.experiment import load_experiment
 from mabirds_core.parameters import Parameters
@@ -71,7 +72,9 @@ def test_patrol_as_processes_equals_the_reference(tmp_path: Path, rate: float, r
     experiment = load_experiment(PATROL)
     order = [*experiment.learners, PLAYER][:: -1 if reverse else 1]
     (tmp_path / "logs").mkdir()
-    history = Network(experiment, PATROL, tmp_path, {"rate": rate}, order).run()
+    history, mixed_from = Network(experiment, PATROL, tmp_path, {"rate": rate}, order).run()
+    delivered = audit(experiment.edge_schedule, mixed_from)
+    assert delivered == {"iterations": experiment.iterations, "differences": [], "window": 2}
     assert len(history["learner_1"]) == experiment.iterations + 1
     assert_same_bits(history, simulate_from_bag(experiment))
 

@@ -13,6 +13,7 @@ from mabirds_bringup.verbs.bench import bench_app
 from mabirds_bringup.verbs.inspect import inspect
 from mabirds_bringup.verbs.record import record
 from mabirds_bringup.verbs.run import run
+from mabirds_bringup.verbs.schedule import schedule_app
 from mabirds_bringup.verbs.simulate import simulate
 from mabirds_core.errors import MabirdsError
 from mabirds_msgs_py.environment import prepare_environment
@@ -26,6 +27,7 @@ for verb in (run, simulate, record, inspect):
     app.command()(verb)
 app.add_typer(bag_app, name="bag")
 app.add_typer(bench_app, name="bench")
+app.add_typer(schedule_app, name="schedule")
 
 
 def main() -> None:

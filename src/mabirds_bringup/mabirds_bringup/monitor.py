@@ -43,6 +43,7 @@ class MonitorNode(Node):
         self.names = tuple(names or experiment.learners)
         self.parameters: dict[str, dict[int, Parameters]] = {name: {} for name in self.names}
         self.statuses: dict[str, LearnerStatus] = {}
+        self._mixed: dict[str, dict[int, list[str]]] = {name: {} for name in self.names}
         for name in self.names:
             self._watch(name)
 
@@ -64,6 +65,8 @@ class MonitorNode(Node):
         if message.experiment_digest != self._digest:
             return
         self.statuses[name] = message
+        if message.iteration > 1:
+            self._mixed[name][message.iteration - 1] = list(message.mixed_from)
         self._record(name, topics.STATUS, message, nanoseconds(message.stamp))
 
     def _on_schedule(self, name: str, message: EdgeSchedule) -> None:
@@ -98,6 +101,11 @@ class MonitorNode(Node):
             consensus_distance([one.theta for one in newest]),
             consensus_distance([one.omega for one in newest]),
         )
+
+    def mixed_from(self) -> list[list[list[str]]]:
+        """By iteration, up to the newest without a gap, and by learner: whose parameters it says it mixed."""
+        complete = takewhile(lambda n: all(n in known for known in self._mixed.values()), count(1))
+        return [[self._mixed[name][n] for name in self.names] for n in complete]
 
     def history(self) -> History:
         """theta(n), omega(n) from n = 1 up to the newest without a gap."""

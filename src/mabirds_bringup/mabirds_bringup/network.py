@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
@@ -34,6 +35,13 @@ class ProcessDiedError(MabirdsError):
     """A node ended before its time."""
 
 
+class NetworkResult(NamedTuple):
+    """What the monitor received: theta and omega of all iterations, and who mixed whose (see ``MonitorNode``)."""
+
+    history: History
+    mixed_from: list[list[list[str]]]
+
+
 @dataclass(frozen=True)
 class Network:
     """The processes of one experiment.
@@ -54,8 +62,8 @@ class Network:
         """Who learns."""
         return (self.method,) if self.method else self.experiment.learners
 
-    def run(self, on_tick: Callable[[MonitorNode], None] = lambda _: None) -> History:
-        """Run until every learner has learned everything; returns what the monitor received.
+    def run(self, on_tick: Callable[[MonitorNode], None] = lambda _: None) -> NetworkResult:
+        """Run until every learner has learned everything.
 
         Raises ProcessDiedError when a node ends early. All processes are stopped in any case.
         """
@@ -72,7 +80,7 @@ class Network:
                     executor.spin_once(timeout_sec=TICK)
                     self._check(children, lambda: _hear_out(executor, monitor))
                     on_tick(monitor)
-                return monitor.history()
+                return NetworkResult(monitor.history(), monitor.mixed_from())
         finally:
             processes.stop(children)
             signal.signal(signal.SIGTERM, before)

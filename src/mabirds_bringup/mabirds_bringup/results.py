@@ -7,12 +7,33 @@ from mabirds_bringup import run_directory
 from mabirds_bringup.console import console, progress_bar, summary_table
 from mabirds_bringup.evaluation import evaluate, summary
 from mabirds_bringup.report import write_report
+from mabirds_core.errors import ScheduleError
 from mabirds_core.experiment import Experiment
+from mabirds_core.schedule import EdgeSchedule, delivered_schedule, differences, validate
 from mabirds_core.simulate import History
 
 
-def write_results(experiment: Experiment, history: History, directory: Path, seconds: float) -> dict[str, Any]:
-    """Evaluate ``history``, write metrics.csv, figures, report.html and summary.json; show and return the summary."""
+def audit(schedule: EdgeSchedule, mixed_from: list[list[list[str]]]) -> dict[str, Any]:
+    """The delivered graph, checked like a scheduled one: where it differs, and its own smallest B, if it has one."""
+    delivered = delivered_schedule(schedule, mixed_from)
+    try:
+        window = validate(delivered).window
+    except ScheduleError:
+        window = None
+    return {"iterations": len(mixed_from), "differences": differences(schedule, delivered), "window": window}
+
+
+def write_results(
+    experiment: Experiment,
+    history: History,
+    directory: Path,
+    seconds: float,
+    delivered: dict[str, Any] | None = None,
+) -> dict[str, Any]:
+    """Evaluate ``history``, write metrics.csv, figures, report.html and summary.json; show and return the summary.
+
+    ``delivered``: the ``audit`` of a network's run.
+    """
     from mabirds_bringup.figures import save_figures  # matplotlib takes a second to load: not before it is needed
 
     total = sum(len(parameters) for parameters in history.values())
@@ -20,9 +41,13 @@ def write_results(experiment: Experiment, history: History, directory: Path, sec
         task = bar.add_task("evaluating", total=total)
         evaluation = evaluate(experiment, history, lambda: bar.advance(task))
     content = summary(experiment, evaluation, seconds)
+    if delivered is not None:
+        content["delivered_graph"] = delivered
     run_directory.write_metrics(directory, evaluation)
     write_report(directory, content, save_figures(experiment, history, evaluation, directory))
     run_directory.write_json(directory / "summary.json", content)
     console.print(summary_table(content))
+    for difference in (delivered or {}).get("differences", ()):
+        console.print(f"the delivered graph differs: {difference}", style="red", soft_wrap=True)
     console.print(f"results in {directory}; open {directory / 'report.html'}")
     return content

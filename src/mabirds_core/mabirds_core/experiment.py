@@ -11,17 +11,18 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from mabirds_core.digest import digest
 from mabirds_core.errors import ExperimentError, MabirdsError
 from mabirds_core.games.patrol import PatrolSettings
-from mabirds_core.gradient import RolloutStart
-from mabirds_core.parameters import StepSizes
-from mabirds_core.schedule import (
-    EdgeSchedule,
+from mabirds_core.generators import (
     alternating_ring,
-    both_ways,
     complete_edges,
+    directed_ring,
+    gossip,
+    random_matching,
     ring_edges,
     static,
-    validate,
 )
+from mabirds_core.gradient import RolloutStart
+from mabirds_core.parameters import StepSizes
+from mabirds_core.schedule import EdgeSchedule, End, both_ways, validate
 
 LONGEST_VALUE = 60
 """Characters of a wrong value that an error shows."""
@@ -134,12 +135,36 @@ class AlternatingSchedule(_Settings):
         return alternating_ring(learners)
 
 
+class DirectedRingSchedule(_Settings):
+    """Each learner sends to the next, the last to the first."""
+
+    kind: Literal["directed_ring"]
+
+    def build(self, learners: tuple[str, ...]) -> EdgeSchedule:
+        """The schedule for these learners."""
+        return directed_ring(learners)
+
+
+class RandomSchedule(_Settings):
+    """Random pairs: a matching of all learners in every slot, or a single pair (gossip)."""
+
+    kind: Literal["random_matching", "gossip"]
+    slots: int = Field(ge=1, le=100_000, description="drawn once, then repeated")
+    seed: int = Field(0, ge=0)
+
+    def build(self, learners: tuple[str, ...]) -> EdgeSchedule:
+        """The schedule for these learners; raises ScheduleError where the slots are too few to connect them."""
+        generator = {"random_matching": random_matching, "gossip": gossip}[self.kind]
+        return generator(learners, self.slots, self.seed)
+
+
 class ExplicitSchedule(_Settings):
     """Slots written out: lists of [sender, receiver] names."""
 
     kind: Literal["slots"]
     slots: tuple[tuple[tuple[LearnerName, LearnerName], ...], ...] = Field(min_length=1)
     undirected: bool = Field(False, description="open every edge both ways")
+    end: End = Field("repeat", description="after the last slot: repeat them, hold the last one, or stop")
 
     def build(self, learners: tuple[str, ...]) -> EdgeSchedule:
         """The schedule for these learners; raises ExperimentError for a name that is none of them."""
@@ -148,10 +173,14 @@ class ExplicitSchedule(_Settings):
             if name not in index:
                 raise ExperimentError(f"schedule: {name!r} is none of the learners {list(learners)}")
         slots = [[(index[sender], index[receiver]) for sender, receiver in slot] for slot in self.slots]
-        return EdgeSchedule(learners, tuple(both_ways(slot) if self.undirected else frozenset(slot) for slot in slots))
+        opened = tuple(both_ways(slot) if self.undirected else frozenset(slot) for slot in slots)
+        return EdgeSchedule(learners, opened, self.end)
 
 
-ScheduleSettings = Annotated[StaticSchedule | AlternatingSchedule | ExplicitSchedule, Field(discriminator="kind")]
+ScheduleSettings = Annotated[
+    StaticSchedule | AlternatingSchedule | DirectedRingSchedule | RandomSchedule | ExplicitSchedule,
+    Field(discriminator="kind"),
+]
 
 
 class DemonstrationSettings(_Settings):
@@ -184,6 +213,7 @@ class Experiment(_Settings):
         if reserved := RESERVED_NAMES & set(self.learners):
             raise ExperimentError(f"learners: {sorted(reserved)} is taken by another part; choose another name")
         validate(self.edge_schedule)
+        self.edge_schedule.edges(self.iterations + self.closing_rounds)
         if self.iterations > self.demonstrations.per_learner:
             raise ExperimentError(
                 f"iterations {self.iterations}: expected at most demonstrations.per_learner,"

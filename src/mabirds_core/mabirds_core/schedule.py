@@ -1,11 +1,13 @@
 """The edge schedule: which learner may send to which at iteration n, and the checks of Assumptions 2 and 3.
 
-A schedule is a list of slots, each a set of directed edges; iteration n = 1, 2, ... uses slot (n - 1) mod P.
+A schedule is a list of P slots, each a set of directed edges. Iterations n = 1..P use them in order; what comes after
+is declared: they repeat, the last one is held, or the schedule stops and no run may be longer.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
+from typing import Literal
 
 import numpy as np
 
@@ -14,16 +16,22 @@ from mabirds_core.digest import digest
 from mabirds_core.errors import ScheduleError
 from mabirds_core.weights import Edge, doubly_stochastic_weights
 
+End = Literal["repeat", "hold", "stop"]
+
 TOLERANCE = 1e-12
 """How far a row or column sum of W may lie from 1."""
 
 
 @dataclass(frozen=True)
 class EdgeSchedule:
-    """E(n) for all n: ``slots[k]`` holds (sender, receiver) pairs of indices into ``learners``."""
+    """E(n) for all n: ``slots[k]`` holds (sender, receiver) pairs of indices into ``learners``.
+
+    ``end``: what follows the last slot.
+    """
 
     learners: tuple[str, ...]
     slots: tuple[frozenset[Edge], ...]
+    end: End = "repeat"
 
     def __post_init__(self) -> None:
         """Raise ScheduleError for duplicated names, no slot, self-loops or edges to nowhere."""
@@ -48,7 +56,14 @@ class EdgeSchedule:
 
     def edges(self, iteration: int) -> frozenset[Edge]:
         """E(n), n >= 1."""
-        return self.slots[(iteration - 1) % len(self.slots)]
+        return self.slots[self._slot(iteration)]
+
+    def _slot(self, iteration: int) -> int:
+        """Which slot iteration n uses; raises ScheduleError after the last one of a schedule that stops."""
+        period = len(self.slots)
+        if self.end == "stop" and iteration > period:
+            raise ScheduleError(f"iteration {iteration}: the schedule stops after its {period} slots; add slots")
+        return min(iteration, period) - 1 if self.end == "hold" else (iteration - 1) % period
 
     def in_neighbours(self, learner: int, iteration: int) -> list[int]:
         """Whose parameters of iteration n the learner mixes in, sorted."""
@@ -60,7 +75,7 @@ class EdgeSchedule:
 
     def weights(self, iteration: int) -> Array:
         """W(n), shape (N_L, N_L); row v mixes for learner v."""
-        return self._weights[(iteration - 1) % len(self.slots)]
+        return self._weights[self._slot(iteration)]
 
     @cached_property
     def _weights(self) -> list[Array]:
@@ -68,43 +83,68 @@ class EdgeSchedule:
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of learners and slots."""
-        return digest({"learners": self.learners, "slots": [sorted(slot) for slot in self.slots]})
+        """SHA-256 of learners, slots and end."""
+        return digest({"learners": self.learners, "slots": [sorted(slot) for slot in self.slots], "end": self.end})
+
+    def windows(self, length: int) -> list[list[int]]:
+        """Slots of every ``length`` consecutive iterations, each different window once."""
+        period = len(self.slots)
+        starts = range(1, period - length + 2) if self.end == "stop" else range(1, period + 1)
+        return [[self._slot(start + k) for k in range(length)] for start in starts]
 
 
 @dataclass(frozen=True)
 class ScheduleReport:
-    """What ``validate`` found: B of Assumption 2 and epsilon of Assumption 3."""
+    """What ``validate`` found: B of Assumption 2, epsilon of Assumption 3, and how fast disagreement shrinks.
+
+    ``contraction``: the largest factor by which B consecutive iterations of mixing may scale the distance to the mean.
+    """
 
     window: int
     smallest_weight: float
     largest_sum_error: float
+    contraction: float
 
 
 def validate(schedule: EdgeSchedule) -> ScheduleReport:
     """Check Assumptions 2 and 3; raises ScheduleError naming the edge, slot or learners that break one."""
     matrices = [schedule.weights(slot + 1) for slot in range(len(schedule.slots))]
+    window = smallest_window(schedule)
     return ScheduleReport(
-        window=smallest_window(schedule),
+        window=window,
         smallest_weight=min(float(matrix[matrix > 0].min()) for matrix in matrices),
         largest_sum_error=max(_check_weights(schedule, slot, matrix) for slot, matrix in enumerate(matrices)),
+        contraction=max(contraction([matrices[slot] for slot in slots]) for slots in schedule.windows(window)),
     )
+
+
+def contraction(matrices: Sequence[Array]) -> float:
+    """|| W_B ... W_1 - 1 1^T / N_L ||_2: 0 for agreement at once, 1 where some disagreement stays."""
+    product = reduce(lambda mixed, matrix: np.asarray(matrix @ mixed), matrices)
+    return float(np.linalg.norm(product - 1 / len(product), ord=2))
 
 
 def smallest_window(schedule: EdgeSchedule) -> int:
-    """B: every B consecutive slots, with wrap-around, have a strongly connected union (Assumption 2)."""
-    period, n_learners = len(schedule.slots), len(schedule.learners)
-    for window in range(1, period + 1):
-        unions = (
-            frozenset().union(*(schedule.slots[(start + k) % period] for k in range(window))) for start in range(period)
+    """B: every B consecutive iterations have a strongly connected union (Assumption 2)."""
+    _require_connection(schedule)
+    for length in range(1, len(schedule.slots)):
+        unions = (frozenset().union(*(schedule.slots[slot] for slot in slots)) for slots in schedule.windows(length))
+        if all(unreachable(len(schedule.learners), union) is None for union in unions):
+            return length
+    return len(schedule.slots)
+
+
+def _require_connection(schedule: EdgeSchedule) -> None:
+    """Raise ScheduleError where no window is long enough."""
+    held = schedule.end == "hold"
+    pair = unreachable(len(schedule.learners), schedule.slots[-1] if held else frozenset(schedule.all_edges))
+    if pair:
+        sender, receiver = (schedule.learners[learner] for learner in pair)
+        what = "the last slot, which is held," if held else "the union of all slots"
+        raise ScheduleError(
+            f"nothing that {sender} knows ever reaches {receiver}: {what} is not strongly connected (Assumption 2);"
+            " add edges on the way"
         )
-        if all(unreachable(n_learners, union) is None for union in unions):
-            return window
-    sender, receiver = unreachable(n_learners, frozenset(schedule.all_edges)) or (0, 0)
-    raise ScheduleError(
-        f"nothing that {schedule.learners[sender]} knows ever reaches {schedule.learners[receiver]}: the union of all"
-        f" slots is not strongly connected (Assumption 2); add edges on the way"
-    )
 
 
 def unreachable(n_learners: int, edges: frozenset[Edge]) -> Edge | None:
@@ -128,34 +168,26 @@ def _check_weights(schedule: EdgeSchedule, slot: int, matrix: Array) -> float:
     return error
 
 
-def static(learners: Sequence[str], edges: Sequence[Edge]) -> EdgeSchedule:
-    """The same undirected graph at every iteration."""
-    return EdgeSchedule(tuple(learners), (both_ways(edges),))
-
-
-def complete_edges(n_learners: int) -> list[Edge]:
-    """Every pair of learners once."""
-    return [(u, v) for u in range(n_learners) for v in range(u + 1, n_learners)]
-
-
-def ring_edges(n_learners: int) -> list[Edge]:
-    """Each learner to the next, the last to the first; one pair where there are only two."""
-    return sorted({(min(v, w), max(v, w)) for v in range(n_learners) for w in [(v + 1) % n_learners] if v != w})
-
-
-def alternating_ring(learners: Sequence[str]) -> EdgeSchedule:
-    """Every other edge of the ring, then the rest: (1,2)(3,4).. and (2,3)(4,1)..; an odd ring takes a third slot.
-
-    With two learners the second slot has no edge: they talk at every other iteration.
-    """
-    count = len(learners)
-    ring = [(v, (v + 1) % count) for v in range(count)] if count > 2 else [(0, 1)][: count - 1]
-    slots = [ring[0::2], ring[1::2]]
-    if count > 2 and count % 2:
-        slots = [ring[0:-1:2], ring[1::2], ring[-1:]]
-    return EdgeSchedule(tuple(learners), tuple(both_ways(slot) for slot in slots))
-
-
 def both_ways(edges: Sequence[Edge]) -> frozenset[Edge]:
     """The undirected edges as directed ones."""
     return frozenset(edge for u, v in edges for edge in ((u, v), (v, u)))
+
+
+def delivered_schedule(schedule: EdgeSchedule, mixed_from: Sequence[Sequence[Sequence[str]]]) -> EdgeSchedule:
+    """What really passed, as a schedule that stops; ``mixed_from[n - 1][v]``: whom learner v mixed at iteration n."""
+    index = {name: number for number, name in enumerate(schedule.learners)}
+    slots = [
+        frozenset((index[sender], receiver) for receiver, senders in enumerate(iteration) for sender in senders)
+        for iteration in mixed_from
+    ]
+    return EdgeSchedule(schedule.learners, tuple(slots), end="stop")
+
+
+def differences(schedule: EdgeSchedule, delivered: EdgeSchedule) -> list[str]:
+    """Edges that were scheduled and not delivered, or the reverse, by iteration and name."""
+    found = []
+    for n in range(1, len(delivered.slots) + 1):
+        for sender, receiver in sorted(schedule.edges(n) ^ delivered.edges(n)):
+            what = "not delivered" if (sender, receiver) in schedule.edges(n) else "delivered, not scheduled"
+            found.append(f"iteration {n}: {schedule.learners[sender]} -> {schedule.learners[receiver]} {what}")
+    return found

@@ -12,7 +12,7 @@ from mabirds_bringup.console import console, guarded_output, print_json
 from mabirds_bringup.live_table import live_table, plain_line
 from mabirds_bringup.monitor import MonitorNode
 from mabirds_bringup.network import Network
-from mabirds_bringup.results import write_results
+from mabirds_bringup.results import audit, write_results
 from mabirds_bringup.verbs.options import CentralMethodName, ExperimentFile, Json, RunsDirectory
 from mabirds_core.experiment import Experiment, load_experiment
 
@@ -41,8 +41,9 @@ def run(
         start = time.monotonic()
         network = Network(experiment, file.absolute(), directory, {"rate": rate, "hz": hz}, method=method)
         with _Display(experiment, network) as display:
-            history = network.run(display.update)
-        content = write_results(experiment, history, directory, time.monotonic() - start)
+            result = network.run(display.update)
+        delivered = None if method else audit(experiment.edge_schedule, result.mixed_from)
+        content = write_results(experiment, result.history, directory, time.monotonic() - start, delivered)
         if as_json:
             print_json(content, stdout)
 
