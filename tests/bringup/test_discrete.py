@@ -187,6 +187,16 @@ def test_the_command_writes_a_report(make_experiment: Callable[..., Path], tmp_p
     assert "| ME-greedy |" in report
 
 
+def test_a_group_can_be_run_again(make_experiment: Callable[..., Path], tmp_path: Path) -> None:
+    file, out = make_experiment(change=SOFT), tmp_path / "out"
+    options = ("--main", file, "--hard", file, "--seeds", 1, "--out", out, "--json")
+    first = mabirds("bench", "discrete", *options, "--iterations", 2, "--only", "hard", cwd=tmp_path)
+    assert {row["group"] for row in json.loads(first.stdout)["results"]} == {"hard"}
+    second = mabirds("bench", "discrete", *options, "--iterations", 3, "--only", "main", cwd=tmp_path)
+    iterations = {row["group"]: row["iterations"] for row in json.loads(second.stdout)["results"]}
+    assert iterations == {"hard": 2, "main": 3}
+
+
 def test_the_command_refuses_a_missing_experiment(tmp_path: Path) -> None:
     result = mabirds("bench", "discrete", "--main", "nowhere.yaml", cwd=tmp_path)
     assert result.returncode == 2

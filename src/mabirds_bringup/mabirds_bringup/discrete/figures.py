@@ -23,17 +23,15 @@ SHOWN_DEMONSTRATIONS = 12
 
 
 def save_figures(main: Experiment, hard: Experiment, outcomes: Sequence[Outcome], directory: Path) -> list[str]:
-    """Write all pictures; returns their names."""
-    of_main = [one for one in outcomes if one.group == MAIN]
-    figures = {
-        "game.png": game_figure(main),
-        "policies.png": policies_figure(PatrolGame(main.game), of_main),
-        "rates.png": rates_figure(of_main),
-        "roc.png": roc_figure(of_main),
-        "game_many_starts.png": game_figure(hard),
-        "rates_many_starts.png": rates_figure([one for one in outcomes if one.group == HARD]),
-        "variations.png": rates_figure([one for one in outcomes if one.group == VARIATIONS]),
-    }
+    """Write the pictures of the groups that there are; returns their names."""
+    of = {group: [one for one in outcomes if one.group == group] for group in (MAIN, HARD, VARIATIONS)}
+    figures = {"game.png": game_figure(main), "game_many_starts.png": game_figure(hard)}
+    if of[MAIN]:
+        figures["policies.png"] = policies_figure(PatrolGame(main.game), of[MAIN])
+        figures["roc.png"] = roc_figure(of[MAIN])
+    for group, name in ((MAIN, "rates.png"), (HARD, "rates_many_starts.png"), (VARIATIONS, "variations.png")):
+        if of[group]:
+            figures[name] = rates_figure(of[group])
     for name, figure in figures.items():
         figure.savefig(directory / name, dpi=DOTS_PER_INCH, bbox_inches="tight")
         plt.close(figure)

@@ -21,6 +21,7 @@ from mabirds_bringup.report import html_table, image, write_page
 from mabirds_bringup.run_directory import write_json
 from mabirds_core.experiment import Experiment
 
+OUTCOMES = "outcomes.json.gz"
 TARGET_COLUMNS = ("", "value", "target", "")
 
 GROUPS = {
@@ -53,12 +54,20 @@ def write_report(
         "targets": [target.as_dict() for target in targets(outcomes)],
     }
     write_json(directory / "summary.json", content)
-    with gzip.open(directory / "outcomes.json.gz", "wt", encoding="utf-8") as stream:
+    with gzip.open(directory / OUTCOMES, "wt", encoding="utf-8") as stream:
         json.dump([asdict(one) for one in outcomes], stream)
     pictures = save_figures(main, hard, outcomes, directory)
     (directory / "report.md").write_text("\n".join(_markdown(main, outcomes, content)) + "\n", encoding="utf-8")
     write_page(directory / "report.html", _title(main), _html(outcomes, content, pictures))
     return content
+
+
+def earlier_outcomes(directory: Path) -> list[Outcome]:
+    """The outcomes that an earlier report in ``directory`` was made of; none where there is no report."""
+    if not (directory / OUTCOMES).exists():
+        return []
+    with gzip.open(directory / OUTCOMES, "rt", encoding="utf-8") as stream:
+        return [Outcome(**one) for one in json.load(stream)]
 
 
 def _title(main: Experiment) -> str:

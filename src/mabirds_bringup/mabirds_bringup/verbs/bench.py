@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -30,13 +30,17 @@ def _bench() -> None:
 
 
 @bench_app.command()
-def discrete(
+def discrete(  # noqa: PLR0913, PLR0917 - the options of a command
     main: Annotated[Path, typer.Option(help="Experiment of Tables 1 and 2.")] = Path("ros_ws/config/discrete.yaml"),
     hard: Annotated[Path, typer.Option(help="Experiment with many starts.")] = Path(
         "ros_ws/config/discrete_many_starts.yaml"
     ),
     seeds: Annotated[int, typer.Option(help="Seeds, from 201 on.", min=1, max=1000)] = 5,
     iterations: Annotated[int, typer.Option(help="At most so many, for a quick look.", min=1)] = 1_000_000,
+    only: Annotated[
+        Literal["main", "variations", "hard"] | None,
+        typer.Option(help="Run this group of cases again; the others' outcomes stay as they are in --out."),
+    ] = None,
     jobs: Annotated[int, typer.Option(help="Cases at once; times are comparable with 1.", min=1, max=256)] = 1,
     out: Annotated[Path, typer.Option(help="Report directory.")] = Path("runs/bench-discrete"),
     as_json: Json = False,
@@ -45,12 +49,14 @@ def discrete(
 
     Example: mabirds bench discrete --seeds 2 --iterations 10 --out runs/quick
     """
-    from mabirds_bringup.discrete.report import write_report  # matplotlib takes a second to load
+    from mabirds_bringup.discrete.report import earlier_outcomes, write_report  # matplotlib takes a second to load
 
     with guarded_output() as stdout:
         first, second = (shortened(load_experiment(file), iterations) for file in (main, hard))
         out.mkdir(parents=True, exist_ok=True)
-        outcomes = list(_run(all_cases(first, second), range(FIRST_SEED, FIRST_SEED + seeds), jobs))
+        cases = [case for case in all_cases(first, second) if only in (None, case.group)]
+        kept = [one for one in earlier_outcomes(out) if one.group != only] if only else []
+        outcomes = [*kept, *_run(cases, range(FIRST_SEED, FIRST_SEED + seeds), jobs)]
         command = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
         content = write_report(first, second, outcomes, out, command)
         for target in content["targets"]:
