@@ -25,6 +25,8 @@ SHOWN_DEMONSTRATIONS = 12
 def save_figures(main: Experiment, hard: Experiment, outcomes: Sequence[Outcome], directory: Path) -> list[str]:
     """Write the pictures of the groups that there are; returns their names."""
     of = {group: [one for one in outcomes if one.group == group] for group in (MAIN, HARD, VARIATIONS)}
+    # All learners of all variations would hide one another; where they differ, the tables tell.
+    of[VARIATIONS] = [one for one in of[VARIATIONS] if one.learner == "learner_1"]
     figures = {"game.png": game_figure(main), "game_many_starts.png": game_figure(hard)}
     if of[MAIN]:
         figures["policies.png"] = policies_figure(PatrolGame(main.game), of[MAIN])
@@ -82,7 +84,7 @@ def rates_figure(outcomes: Sequence[Outcome]) -> Figure:
         _band(success, name, [one.success_rate for one in ones])
         _band(violation, name, [one.violation_rate for one in ones])
     for axis, title in ((success, "success rate"), (violation, "constraint violation rate")):
-        axis.set(xlabel="demonstrations learned by each learner", ylabel=title, ylim=(-0.02, 1.02))
+        axis.set(xlabel="iterations made, closing rounds last", ylabel=title, ylim=(-0.02, 1.02))
     figure.legend(*success.get_legend_handles_labels(), fontsize=7, loc="outside right upper")
     return figure
 
