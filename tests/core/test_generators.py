@@ -15,7 +15,7 @@ from mabirds_core.schedule import (
     EdgeSchedule,
     both_ways,
     contraction,
-    delivered_schedule,
+    delivered_edges,
     differences,
     smallest_window,
     validate,
@@ -139,17 +139,14 @@ def test_an_experiment_may_not_run_past_a_schedule_that_stops() -> None:
 
 def test_the_delivered_graph_is_what_learners_mixed() -> None:
     schedule = EdgeSchedule(NAMES, LINE)
-    as_scheduled = [[["b"], ["a"], []], [[], ["c"], ["b"]], [["b"], ["a"], []]]
-    delivered = delivered_schedule(schedule, as_scheduled)
-    assert delivered.slots == (LINE[0], LINE[1], LINE[0])
-    assert differences(schedule, delivered) == []
-    assert validate(delivered).window == 2
+    as_scheduled = {1: [["b"], ["a"], []], 2: [[], ["c"], ["b"]], 5: [["b"], ["a"], []]}
+    assert [delivered_edges(schedule, senders) for senders in as_scheduled.values()] == [LINE[0], LINE[1], LINE[0]]
+    assert differences(schedule, as_scheduled) == []
 
 
 def test_what_differs_from_the_schedule_is_named() -> None:
     schedule = EdgeSchedule(NAMES, LINE)
-    delivered = delivered_schedule(schedule, [[["b"], [], []], [["c"], ["c"], ["b"]]])
-    assert differences(schedule, delivered) == [
+    assert differences(schedule, {2: [["c"], ["c"], ["b"]], 1: [["b"], [], []]}) == [
         "iteration 1: a -> b not delivered",
         "iteration 2: c -> a delivered, not scheduled",
     ]

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from mabirds_msgs.msg import Demonstration, EdgeSchedule, LearnerStatus
 from mabirds_msgs.msg import Parameters as ParametersMessage
 from mabirds_msgs.srv import FetchParameters
@@ -230,3 +231,17 @@ def test_learners_of_a_fleet_find_each_other(nodes: Any, file: Path) -> None:
     overrides = [Parameter("experiment", value=str(file)), Parameter("hz", value=50.0)]
     nodes.add(ExpertPlayerNode(context=nodes.context, namespace="/depot", parameter_overrides=overrides))
     nodes.spin_until(lambda: all(node.session.finished for node in learners))
+
+
+def test_a_learner_that_is_kept_waiting_warns_on_diagnostics(make_experiment: Callable[..., Path], nodes: Any) -> None:
+    """The neighbour never starts: within a few seconds /diagnostics says who waits for whom."""
+    file, heard = make_experiment(iterations=3), list[Any]()
+    watcher = nodes.plain()
+    watcher.create_subscription(DiagnosticArray, "/diagnostics", lambda message: heard.extend(message.status), 10)
+    learner = nodes.learner(file, "learner_1")
+    with DemonstrationBag(load_experiment(file).demonstrations.bag, learner._game, ("learner_1", "learner_2")) as bag:
+        publisher = watcher.create_publisher(Demonstration, "/learner_1/demonstration", latched(10))
+        publisher.publish(bag.message("learner_1", 1))
+        nodes.spin_until(lambda: any(status.level == DiagnosticStatus.WARN for status in heard))
+    warning = next(status for status in heard if status.level == DiagnosticStatus.WARN)
+    assert warning.message == "iteration 1: still waits for learner_2"

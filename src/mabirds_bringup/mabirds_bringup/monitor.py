@@ -12,6 +12,7 @@ from rclpy.node import Node
 from mabirds_core.experiment import Experiment
 from mabirds_core.metrics import consensus_distance
 from mabirds_core.parameters import Parameters
+from mabirds_core.schedule import Delivered
 from mabirds_core.simulate import History
 from mabirds_msgs_py import topics
 from mabirds_msgs_py.bag_writer import BagWriter
@@ -102,10 +103,10 @@ class MonitorNode(Node):
             consensus_distance([one.omega for one in newest]),
         )
 
-    def mixed_from(self) -> list[list[list[str]]]:
-        """By iteration, up to the newest without a gap, and by learner: whose parameters it says it mixed."""
-        complete = takewhile(lambda n: all(n in known for known in self._mixed.values()), count(1))
-        return [[self._mixed[name][n] for name in self.names] for n in complete]
+    def delivered(self) -> Delivered:
+        """Whose parameters each learner says it mixed, at the iterations of which all learners' statuses were heard."""
+        heard = set.intersection(*(set(known) for known in self._mixed.values()))
+        return {n: [self._mixed[name][n] for name in self.names] for n in sorted(heard)}
 
     def history(self) -> History:
         """theta(n), omega(n) from n = 1 up to the newest without a gap."""

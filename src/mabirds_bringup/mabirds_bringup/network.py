@@ -18,6 +18,7 @@ from mabirds_bringup.monitor import MonitorNode
 from mabirds_bringup.processes import NodeProcess
 from mabirds_core.errors import MabirdsError
 from mabirds_core.experiment import Experiment
+from mabirds_core.schedule import Delivered
 from mabirds_core.simulate import History
 from mabirds_msgs_py.bag_writer import BagWriter
 
@@ -36,10 +37,10 @@ class ProcessDiedError(MabirdsError):
 
 
 class NetworkResult(NamedTuple):
-    """What the monitor received: theta and omega of all iterations, and who mixed whose (see ``MonitorNode``)."""
+    """What the monitor received: theta and omega of all iterations, and who mixed whose."""
 
     history: History
-    mixed_from: list[list[list[str]]]
+    delivered: Delivered
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,7 @@ class Network:
                     executor.spin_once(timeout_sec=TICK)
                     self._check(children, lambda: _hear_out(executor, monitor))
                     on_tick(monitor)
-                return NetworkResult(monitor.history(), monitor.mixed_from())
+                return NetworkResult(monitor.history(), monitor.delivered())
         finally:
             processes.stop(children)
             signal.signal(signal.SIGTERM, before)

@@ -1,5 +1,6 @@
 """After the learning: evaluate, and fill the run directory."""
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -9,18 +10,21 @@ from mabirds_bringup.evaluation import evaluate, summary
 from mabirds_bringup.report import write_report
 from mabirds_core.errors import ScheduleError
 from mabirds_core.experiment import Experiment
-from mabirds_core.schedule import EdgeSchedule, delivered_schedule, differences, validate
+from mabirds_core.schedule import Delivered, EdgeSchedule, delivered_edges, differences, validate
 from mabirds_core.simulate import History
 
 
-def audit(schedule: EdgeSchedule, mixed_from: list[list[list[str]]]) -> dict[str, Any]:
-    """The delivered graph, checked like a scheduled one: where it differs, and its own smallest B, if it has one."""
-    delivered = delivered_schedule(schedule, mixed_from)
-    try:
-        window = validate(delivered).window
-    except ScheduleError:
-        window = None
-    return {"iterations": len(mixed_from), "differences": differences(schedule, delivered), "window": window}
+def audit(schedule: EdgeSchedule, delivered: Delivered, iterations: int) -> dict[str, Any]:
+    """The delivered graph against the schedule, and its own smallest B.
+
+    B is None where the graph connects not all learners, or where not all of ``iterations`` were heard of.
+    """
+    window = None
+    if len(delivered) == iterations:
+        slots = tuple(delivered_edges(schedule, delivered[n]) for n in range(1, iterations + 1))
+        with suppress(ScheduleError):
+            window = validate(EdgeSchedule(schedule.learners, slots, end="stop")).window
+    return {"iterations": len(delivered), "differences": differences(schedule, delivered), "window": window}
 
 
 def write_results(

@@ -4,7 +4,7 @@ A schedule is a list of P slots, each a set of directed edges. Iterations n = 1.
 is declared: they repeat, the last one is held, or the schedule stops and no run may be longer.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
 from typing import Literal
@@ -173,21 +173,21 @@ def both_ways(edges: Sequence[Edge]) -> frozenset[Edge]:
     return frozenset(edge for u, v in edges for edge in ((u, v), (v, u)))
 
 
-def delivered_schedule(schedule: EdgeSchedule, mixed_from: Sequence[Sequence[Sequence[str]]]) -> EdgeSchedule:
-    """What really passed, as a schedule that stops; ``mixed_from[n - 1][v]``: whom learner v mixed at iteration n."""
+Delivered = Mapping[int, Sequence[Sequence[str]]]
+"""By iteration n: for each learner, in the order of the schedule, the names of those whose parameters it mixed."""
+
+
+def delivered_edges(schedule: EdgeSchedule, senders: Sequence[Sequence[str]]) -> frozenset[Edge]:
+    """The edges over which parameters really passed at one iteration."""
     index = {name: number for number, name in enumerate(schedule.learners)}
-    slots = [
-        frozenset((index[sender], receiver) for receiver, senders in enumerate(iteration) for sender in senders)
-        for iteration in mixed_from
-    ]
-    return EdgeSchedule(schedule.learners, tuple(slots), end="stop")
+    return frozenset((index[sender], receiver) for receiver, names in enumerate(senders) for sender in names)
 
 
-def differences(schedule: EdgeSchedule, delivered: EdgeSchedule) -> list[str]:
+def differences(schedule: EdgeSchedule, delivered: Delivered) -> list[str]:
     """Edges that were scheduled and not delivered, or the reverse, by iteration and name."""
     found = []
-    for n in range(1, len(delivered.slots) + 1):
-        for sender, receiver in sorted(schedule.edges(n) ^ delivered.edges(n)):
+    for n, senders in sorted(delivered.items()):
+        for sender, receiver in sorted(schedule.edges(n) ^ delivered_edges(schedule, senders)):
             what = "not delivered" if (sender, receiver) in schedule.edges(n) else "delivered, not scheduled"
             found.append(f"iteration {n}: {schedule.learners[sender]} -> {schedule.learners[receiver]} {what}")
     return found

@@ -2,8 +2,9 @@
 
 import time
 from collections import Counter
-from typing import Any, Protocol
+from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
 from mabirds_msgs.msg import EdgeSchedule, LearnerStatus
 from mabirds_msgs.msg import Parameters as ParametersMessage
 from rclpy.node import Node
@@ -12,57 +13,21 @@ from mabirds_core.errors import ExperimentError
 from mabirds_core.games.interface import ConstrainedMarkovGame
 from mabirds_core.metrics import norms
 from mabirds_core.parameters import Parameters
+from mabirds_learner.diagnostics import HARMLESS, diagnostic_message
+from mabirds_learner.progress import Session
 from mabirds_msgs_py import topics
 from mabirds_msgs_py.conversion import RefusedMessageError, parameters_message, schedule_message, time_message
 from mabirds_msgs_py.qos import STATUS_QOS, latched
 from mabirds_msgs_py.ros_parameters import declare_experiment, experiment_of, real, whole
 
-REPETITIONS = {"old_iteration", "duplicate"}
-"""Reasons that are only counted: what is asked for again may arrive twice."""
+STATUSES_AN_ITERATION = 8
+"""No more than these, as a rule: one for each arrival, one for the update, one for each second in between."""
 
+DIAGNOSTICS_PERIOD = 1.0
+"""Seconds between two messages to /diagnostics, as diagnostic aggregators expect."""
 
-class Session(Protocol):
-    """What has arrived, what is missing, and the next update once nothing is."""
-
-    mixed_from: list[str]
-
-    @property
-    def iteration(self) -> int:
-        """n: theta(n), omega(n) are the current estimates."""
-        ...
-
-    @property
-    def parameters(self) -> Parameters:
-        """theta(n), omega(n)."""
-        ...
-
-    @property
-    def finished(self) -> bool:
-        """Are all updates made?"""
-        ...
-
-    @property
-    def backlog(self) -> int:
-        """Demonstrations that arrived and are not learned yet."""
-        ...
-
-    @property
-    def missing_demonstration(self) -> bool:
-        """Is a demonstration of iteration n still to come?"""
-        ...
-
-    @property
-    def ready(self) -> bool:
-        """Can the next update be made?"""
-        ...
-
-    def waiting_for(self) -> list[str]:
-        """Names of what is missing for the next update."""
-        ...
-
-    def step(self) -> dict[str, float]:
-        """Make update n, only when ``ready``; returns what is worth watching about it."""
-        ...
+DIAGNOSTICS_DEPTH = 10
+"""The default depth of /diagnostics."""
 
 
 class ProgressNode(Node):
@@ -98,11 +63,15 @@ class ProgressNode(Node):
         self._game = game
         self._metrics = norms(self.session.parameters)
         self._parameter_publisher = self.create_publisher(ParametersMessage, topics.PARAMETERS, latched(history))
-        # As deep, so that a recorder gets every status; readers that want the newest only ask for a depth of 1.
-        self._status_publisher = self.create_publisher(LearnerStatus, topics.STATUS, latched(history))
+        # Deeper, so that a recorder gets every status; readers that want the newest only ask for a depth of 1.
+        depth = STATUSES_AN_ITERATION * history
+        self._status_publisher = self.create_publisher(LearnerStatus, topics.STATUS, latched(depth))
         self._schedule_publisher = self.create_publisher(EdgeSchedule, topics.EDGE_SCHEDULE, STATUS_QOS)
         self._schedule_publisher.publish(schedule_message(self._schedule))
+        self._diagnostics_publisher = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, DIAGNOSTICS_DEPTH)
+        self._diagnosed_at = 0
         self.create_timer(self._value("status_period"), self._on_timer)
+        self.create_timer(DIAGNOSTICS_PERIOD, self._publish_diagnostics)
         # Triggered when the next update can be made, so that each is a callback of its own and others get a turn.
         self._next = self.create_guard_condition(self._advance)
         self._publish_parameters()
@@ -114,7 +83,7 @@ class ProgressNode(Node):
 
     def _drop(self, what: str, error: RefusedMessageError) -> None:
         self._drops[error.reason] += 1
-        if error.reason in REPETITIONS:
+        if error.reason in HARMLESS:
             return
         self._event = f"dropped {what}: {error}"
         if self._drops[error.reason] == 1:
@@ -171,6 +140,14 @@ class ProgressNode(Node):
         )
         message.stamp = time_message(self._now())
         self._status_publisher.publish(message)
+
+    def _publish_diagnostics(self) -> None:
+        """Once a second: where this node stands, and a warning where it stands still."""
+        stalled, self._diagnosed_at = self._diagnosed_at == self.session.iteration, self.session.iteration
+        message = diagnostic_message(
+            self.own_name, self.session, self._drops, time_message(self._now()), stalled=stalled
+        )
+        self._diagnostics_publisher.publish(message)
 
     def _state(self) -> int:
         if self.session.finished:

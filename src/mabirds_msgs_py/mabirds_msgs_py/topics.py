@@ -4,6 +4,7 @@ DEMONSTRATION = "demonstration"
 PARAMETERS = "parameters"
 STATUS = "status"
 EDGE_SCHEDULE = "edge_schedule"
+DIAGNOSTICS = "/diagnostics"
 FETCH_PARAMETERS = "fetch_parameters"
 
 

@@ -42,7 +42,8 @@ def run(
         network = Network(experiment, file.absolute(), directory, {"rate": rate, "hz": hz}, method=method)
         with _Display(experiment, network) as display:
             result = network.run(display.update)
-        delivered = None if method else audit(experiment.edge_schedule, result.mixed_from)
+        rounds = experiment.iterations + experiment.closing_rounds
+        delivered = None if method else audit(experiment.edge_schedule, result.delivered, rounds)
         content = write_results(experiment, result.history, directory, time.monotonic() - start, delivered)
         if as_json:
             print_json(content, stdout)

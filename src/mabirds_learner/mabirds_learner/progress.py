@@ -1,0 +1,49 @@
+"""What a node drives: the part of a learner or central method that knows no ROS."""
+
+from typing import Protocol
+
+from mabirds_core.parameters import Parameters
+
+
+class Session(Protocol):
+    """What has arrived, what is missing, and the next update once nothing is."""
+
+    mixed_from: list[str]
+
+    @property
+    def iteration(self) -> int:
+        """n: theta(n), omega(n) are the current estimates."""
+        ...
+
+    @property
+    def parameters(self) -> Parameters:
+        """theta(n), omega(n)."""
+        ...
+
+    @property
+    def finished(self) -> bool:
+        """Are all updates made?"""
+        ...
+
+    @property
+    def backlog(self) -> int:
+        """Demonstrations that arrived and are not learned yet."""
+        ...
+
+    @property
+    def missing_demonstration(self) -> bool:
+        """Is a demonstration of iteration n still to come?"""
+        ...
+
+    @property
+    def ready(self) -> bool:
+        """Can the next update be made?"""
+        ...
+
+    def waiting_for(self) -> list[str]:
+        """Names of what is missing for the next update."""
+        ...
+
+    def step(self) -> dict[str, float]:
+        """Make update n, only when ``ready``; returns what is worth watching about it."""
+        ...
