@@ -2,14 +2,14 @@
 
 from collections.abc import Sequence
 
-from mabirds_core.baselines.interface import CentralMethod
+from mabirds_core.baselines.interface import CentralMethod, CentralState
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.gradient import stacked
-from mabirds_core.parameters import Parameters
 from mabirds_learner.inbox import accept
+from mabirds_learner.progress import Standing
 
 
-class CentralSession:
+class CentralSession(Standing):
     """One method's side. ``streams``: names of the learners whose demonstrations it pools. ``iterations``: updates.
 
     ``history``: how many iterations ahead demonstrations are kept.
@@ -17,25 +17,10 @@ class CentralSession:
 
     def __init__(self, method: CentralMethod, streams: Sequence[str], iterations: int, history: int) -> None:
         self.method = method
-        self.state = method.initial_state()
+        self.state: CentralState = method.initial_state()
         self.mixed_from: list[str] = []
-        self._iterations, self._history = iterations, history
+        self.last, self._history = iterations, history
         self._demonstrations: dict[str, dict[int, Trajectories]] = {name: {} for name in streams}
-
-    @property
-    def iteration(self) -> int:
-        """n: theta(n), omega(n) are the current estimates."""
-        return self.state.iteration
-
-    @property
-    def parameters(self) -> Parameters:
-        """theta(n), omega(n)."""
-        return self.state.parameters
-
-    @property
-    def finished(self) -> bool:
-        """Are all updates made?"""
-        return self.iteration > self._iterations
 
     @property
     def backlog(self) -> int:

@@ -2,6 +2,8 @@
 
 from typing import Protocol
 
+from mabirds_core.algorithm import LearnerState
+from mabirds_core.baselines.interface import CentralState
 from mabirds_core.parameters import Parameters
 
 
@@ -47,3 +49,25 @@ class Session(Protocol):
     def step(self) -> dict[str, float]:
         """Make update n, only when ``ready``; returns what is worth watching about it."""
         ...
+
+
+class Standing:
+    """Where a session stands, as its state tells. ``last``: the iteration after which nothing is left to do."""
+
+    state: LearnerState | CentralState
+    last: int
+
+    @property
+    def iteration(self) -> int:
+        """n: theta(n), omega(n) are the current estimates."""
+        return self.state.iteration
+
+    @property
+    def parameters(self) -> Parameters:
+        """theta(n), omega(n)."""
+        return self.state.parameters
+
+    @property
+    def finished(self) -> bool:
+        """Is everything done?"""
+        return self.iteration > self.last

@@ -6,18 +6,19 @@ theta(n), omega(n) of every in-neighbour of E(n); it waits for as long as one is
 
 from collections import defaultdict
 
-from mabirds_core.algorithm import Learner
+from mabirds_core.algorithm import Learner, LearnerState
 from mabirds_core.errors import ScheduleError
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.metrics import norms
 from mabirds_core.parameters import Parameters
 from mabirds_core.schedule import EdgeSchedule, smallest_window
 from mabirds_learner.inbox import accept
+from mabirds_learner.progress import Standing
 
 DEMONSTRATION = "demonstration"
 
 
-class StrictSession:
+class StrictSession(Standing):
     """One learner's side of the exchange.
 
     ``iterations``: updates to make; ``closing_rounds``: rounds of averaging alone after them.
@@ -34,9 +35,9 @@ class StrictSession:
         closing_rounds: int = 0,
     ) -> None:
         self.learner = learner
-        self.state = learner.initial_state()
+        self.state: LearnerState = learner.initial_state()
         self.mixed_from: list[str] = []
-        self._iterations, self._rounds = iterations, iterations + closing_rounds
+        self._iterations, self.last = iterations, iterations + closing_rounds
         self._demonstration_history = demonstration_history
         self._parameter_history = parameter_history
         self._demonstrations: dict[int, Trajectories] = {}
@@ -51,21 +52,6 @@ class StrictSession:
                 f"parameter_history {self._parameter_history}: with this schedule a neighbour may be {lead}"
                 f" iterations ahead; set at least {lead + 1}"
             )
-
-    @property
-    def iteration(self) -> int:
-        """n: theta(n), omega(n) are the current estimates."""
-        return self.state.iteration
-
-    @property
-    def parameters(self) -> Parameters:
-        """theta(n), omega(n)."""
-        return self.state.parameters
-
-    @property
-    def finished(self) -> bool:
-        """Are all updates and closing rounds made?"""
-        return self.iteration > self._rounds
 
     @property
     def backlog(self) -> int:

@@ -1,4 +1,4 @@
-"""The benchmark's report directory: results.json, tables as Markdown, report.html with the pictures."""
+"""The benchmark's report directory: summary.json, all outcomes, tables as Markdown, report.html with pictures."""
 
 import gzip
 import json
