@@ -22,7 +22,7 @@ from rclpy.node import Node
 
 from mabirds_bringup import processes
 from mabirds_bringup.console import console, guarded_output
-from mabirds_bringup.network import ProcessDiedError
+from mabirds_bringup.supervisor import ProcessDiedError
 from mabirds_core.experiment import load_experiment
 from mabirds_msgs_py.environment import prepare_environment
 from mabirds_msgs_py.qos import latched

@@ -15,7 +15,7 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
     ],
     python_requires=">=3.11",
-    install_requires=["mabirds_learner", "mabirds_expert_player", "matplotlib", "rich", "typer"],
+    install_requires=["mabirds_learner", "mabirds_expert_player", "cryptography", "matplotlib", "rich", "typer"],
     zip_safe=False,
     entry_points={
         "console_scripts": [

@@ -10,6 +10,7 @@ setup(
     maintainer="The MA-BIRDS on ROS 2 developers",
     maintainer_email="mabirds@example.org",
     packages=find_packages(exclude=["test"]),
+    package_data={NAME: ["*.xml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),

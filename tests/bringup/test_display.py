@@ -27,6 +27,7 @@ def monitor() -> Any:
     status = LearnerStatus(
         learner="learner_1",
         state=LearnerStatus.WAITING_FOR_NEIGHBOURS,
+        iteration=5,
         last_demonstration=4,
         backlog=2,
         waiting_for=["learner_2"],
@@ -36,7 +37,11 @@ def monitor() -> Any:
         drop_counts=[3],
     )
     names = ("learner_1", "learner_2")
-    return SimpleNamespace(names=names, statuses={"learner_1": status}, consensus=lambda: (5, 0.25, 1.5))
+    presence = SimpleNamespace(is_gone=lambda name: name in gone)
+    gone: set[str] = set()
+    return SimpleNamespace(
+        names=names, statuses={"learner_1": status}, consensus=lambda: (5, 0.25, 1.5), presence=presence, gone=gone
+    )
 
 
 def test_the_live_table_says_who_waits_for_whom(experiment: Experiment, monitor: Any) -> None:
@@ -44,8 +49,22 @@ def test_the_live_table_says_who_waits_for_whom(experiment: Experiment, monitor:
     console.print(live_table(experiment, monitor))
     console.file.close()
     text = console.export_text()
-    for cell in ("4/6", "waiting", "learner_2", "0.013", "not_finite 3", "starting", "theta 0.25, omega 1.5"):
+    for cell in (
+        "4/6",
+        "waiting",
+        "learner_2 (iteration 5)",
+        "0.013",
+        "not_finite 3",
+        "starting",
+        "theta 0.25, omega 1.5",
+    ):
         assert cell in text, text
+
+
+def test_a_learner_whose_process_is_gone_is_shown_as_gone(experiment: Experiment, monitor: Any) -> None:
+    assert "learner_1 4/6 waiting learner_2 (iteration 5)" in plain_line(experiment, monitor)
+    monitor.gone.add("learner_1")
+    assert "learner_1 4/6 gone learner_2 (iteration 5)" in plain_line(experiment, monitor)
 
 
 def test_a_status_of_a_newer_version_is_shown_too(experiment: Experiment, monitor: Any) -> None:

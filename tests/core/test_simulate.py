@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from experiments import demonstrations, experiment
+from identity import assert_same_histories
 
 from mabirds_core.algorithm import LearnerState
 from mabirds_core.arrays import Vector
@@ -23,19 +24,6 @@ SLOTS: dict[str, Any] = {
     "slots": [[["ann", "bob"]], [], [["bob", "cid"]]],
 }
 EXACT = {"algorithm.expectation": "exact"}
-
-
-def assert_same_bits(one: Parameters, other: Parameters) -> None:
-    assert one.theta.tobytes() == other.theta.tobytes()
-    assert one.omega.tobytes() == other.omega.tobytes()
-
-
-def assert_same_histories(one: History, other: History) -> None:
-    assert one.keys() == other.keys()
-    for name, parameters in one.items():
-        assert len(parameters) == len(other[name])
-        for mine, others in zip(parameters, other[name], strict=True):
-            assert_same_bits(mine, others)
 
 
 def by_hand(settings: Experiment, streams: dict[str, list[Trajectories]], order: Sequence[str]) -> History:

@@ -7,7 +7,7 @@ import pytest
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from mabirds_learner.diagnostics import diagnostic_message
+from mabirds_learner.diagnostics import learning_diagnostic
 
 
 def session(**changes: Any) -> Any:
@@ -38,17 +38,19 @@ def session(**changes: Any) -> Any:
 def test_level_and_sentence(
     changes: dict[str, Any], stalled: bool, drops: dict[str, int], level: bytes, sentence: str
 ) -> None:
-    message = diagnostic_message("learner_1", session(**changes), drops, Time(sec=7), stalled=stalled)
+    message = learning_diagnostic("learner_1", session(**changes), drops, {}, Time(sec=7), stalled=stalled)
     (status,) = message.status
     assert (status.level, status.hardware_id, message.header.stamp.sec) == (level, "learner_1", 7)
     assert sentence in status.message
 
 
 def test_values_name_what_a_person_would_look_for() -> None:
-    (status,) = diagnostic_message("learner_1", session(), {"not_finite": 4}, Time(), stalled=False).status
+    message = learning_diagnostic("learner_1", session(), {"not_finite": 4}, {"weight": 0.5}, Time(), stalled=False)
+    (status,) = message.status
     assert {value.key: value.value for value in status.values} == {
         "iteration": "5",
         "backlog": "2",
         "waiting for": "learner_2",
+        "weight": "0.5",
         "dropped: not_finite": "4",
     }

@@ -16,7 +16,8 @@ from mabirds_core.games.interface import Trajectories
 from mabirds_core.parameters import Parameters
 from mabirds_core.schedule import EdgeSchedule, smallest_window
 from mabirds_core.simulate import simulate
-from mabirds_learner.session import DEMONSTRATION, StrictSession
+from mabirds_learner.learner_session import DEMONSTRATION
+from mabirds_learner.session import StrictSession
 from mabirds_msgs_py.bag_reader import DemonstrationBag
 from mabirds_msgs_py.conversion import RefusedMessageError
 
@@ -134,10 +135,10 @@ def test_own_parameters_are_kept_for_neighbours_that_ask_again(experiment: Exper
             states[target.iteration] = target.state.parameters
     newest = experiment.iterations + 1
     for iteration in (newest, newest - 1, newest - 2):
-        kept = target.own_parameters(iteration)
+        kept = target.kept.get(iteration)
         assert kept is not None
         assert np.array_equal(kept.theta, states[iteration].theta)
-    assert target.own_parameters(newest - 3) is None
+    assert target.kept.get(newest - 3) is None
 
 
 @given(

@@ -17,7 +17,7 @@ from mabirds_core.parameters import Parameters
 from mabirds_learner.learner_node import LearnerNode
 from mabirds_msgs_py.bag_reader import DemonstrationBag
 from mabirds_msgs_py.conversion import parameters_message
-from mabirds_msgs_py.qos import STATUS_QOS, latched
+from mabirds_msgs_py.qos import STATUS_QOS, announced, latched
 
 
 class Surroundings:
@@ -35,7 +35,7 @@ class Surroundings:
         listen(ParametersMessage, "/learner_1/parameters", self.parameters.append, latched(100))
         listen(EdgeSchedule, "/learner_1/edge_schedule", self.schedules.append, STATUS_QOS)
         self.demonstrations = publish(Demonstration, "/learner_1/demonstration", latched(100))
-        self.neighbour = publish(ParametersMessage, "/learner_2/parameters", latched(100))
+        self.neighbour = publish(ParametersMessage, "/learner_2/parameters", announced(100))
 
     def demonstrate(self, iteration: int, learner: str = "learner_1") -> None:
         self.demonstrations.publish(self.bag.message(learner, iteration))
@@ -112,7 +112,7 @@ def test_it_stalls_on_a_silent_neighbour_and_says_on_whom(nodes: Any, file: Path
         ({"schedule_digest": "other"}, "wrong_schedule", "schedule digest 'other', expected"),
         ({"theta": [1.0]}, "wrong_shape", "theta: 1 numbers, expected"),
         ({"learner": "learner_1"}, "wrong_learner", "learner 'learner_1', expected 'learner_2'"),
-        ({"iteration": 10_000}, "future_iteration", "iteration 10000, expected less than 65"),
+        ({"iteration": 10_000}, "future_iteration", "iteration 10000, expected less than 257"),
     ],
 )
 def test_unfit_parameters_are_counted_and_never_mixed(
@@ -239,7 +239,7 @@ def test_a_learner_that_is_kept_waiting_warns_on_diagnostics(make_experiment: Ca
     watcher = nodes.plain()
     watcher.create_subscription(DiagnosticArray, "/diagnostics", lambda message: heard.extend(message.status), 10)
     learner = nodes.learner(file, "learner_1")
-    with DemonstrationBag(load_experiment(file).demonstrations.bag, learner._game, ("learner_1", "learner_2")) as bag:
+    with DemonstrationBag(load_experiment(file).demonstrations.bag, learner.game, ("learner_1", "learner_2")) as bag:
         publisher = watcher.create_publisher(Demonstration, "/learner_1/demonstration", latched(10))
         publisher.publish(bag.message("learner_1", 1))
         nodes.spin_until(lambda: any(status.level == DiagnosticStatus.WARN for status in heard))

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from identity import assert_same_histories, bits
 from mabirds_msgs.msg import LearnerStatus
 from rclpy.context import Context
 from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
@@ -15,8 +16,6 @@ from mabirds_bringup.network import PLAYER, Network
 from mabirds_bringup.results import audit
 from mabirds_bringup.verbs.simulate import simulate_from_bag
 from mabirds_core.experiment import load_experiment
-from mabirds_core.parameters import Parameters
-from mabirds_core.simulate import History
 from mabirds_msgs_py.bag_writer import BagWriter
 from mabirds_msgs_py.qos import latched
 
@@ -27,19 +26,6 @@ SCHEDULES: dict[str, dict[str, Any]] = {
     "alternating": {"learners": 4, "schedule": {"kind": "alternating"}},
     "directed ring": {"learners": 3, "schedule": {"kind": "slots", "slots": [RING, []]}},
 }
-
-
-def bits(parameters: Parameters) -> tuple[bytes, bytes]:
-    return parameters.theta.tobytes(), parameters.omega.tobytes()
-
-
-def assert_same_bits(found: History, expected: History) -> None:
-    """Every learner, every iteration, every bit of theta and omega."""
-    assert found.keys() == expected.keys()
-    for name, reference in expected.items():
-        assert len(found[name]) == len(reference)
-        for iteration, (one, other) in enumerate(zip(found[name], reference, strict=True), start=1):
-            assert bits(one) == bits(other), f"{name} differs at iteration {iteration}"
 
 
 @pytest.mark.parametrize("executor_type", [SingleThreadedExecutor, MultiThreadedExecutor])
@@ -61,7 +47,7 @@ def test_nodes_in_one_process_equal_the_reference(
             nodes.learner(file, name)
         nodes.player(file, hz=50.0)
         nodes.spin_until(lambda: monitor.finished)
-    assert_same_bits(monitor.history(), simulate_from_bag(experiment))
+    assert_same_histories(monitor.history(), simulate_from_bag(experiment))
 
 
 @pytest.mark.parametrize(
@@ -72,11 +58,11 @@ def test_patrol_as_processes_equals_the_reference(tmp_path: Path, rate: float, r
     experiment = load_experiment(PATROL)
     order = [*experiment.learners, PLAYER][:: -1 if reverse else 1]
     (tmp_path / "logs").mkdir()
-    history, delivered = Network(experiment, PATROL, tmp_path, {"rate": rate}, order).run()
+    history, delivered, _ = Network(experiment, PATROL, tmp_path, {"rate": rate}, order).run()
     found = audit(experiment.edge_schedule, delivered, experiment.iterations)
     assert found == {"iterations": experiment.iterations, "differences": [], "window": 2}
     assert len(history["learner_1"]) == experiment.iterations + 1
-    assert_same_bits(history, simulate_from_bag(experiment))
+    assert_same_histories(history, simulate_from_bag(experiment))
 
 
 def test_the_shipped_experiment_reaches_its_bar() -> None:
@@ -138,5 +124,5 @@ def test_closing_rounds_equal_the_reference(
         nodes.spin_until(lambda: monitor.finished and player.done)
     history = monitor.history()
     assert {len(parameters) for parameters in history.values()} == {1 + 5 + 3}
-    assert_same_bits(history, simulate_from_bag(experiment))
+    assert_same_histories(history, simulate_from_bag(experiment))
     assert {status.last_demonstration for status in monitor.statuses.values()} == {5}

@@ -7,13 +7,15 @@ from typer.exceptions import TyperException
 
 from mabirds_bringup import exit_codes
 from mabirds_bringup.console import console
-from mabirds_bringup.network import ProcessDiedError
+from mabirds_bringup.supervisor import ProcessDiedError
 from mabirds_bringup.verbs.bag import bag_app
 from mabirds_bringup.verbs.bench import bench_app
 from mabirds_bringup.verbs.inspect import inspect
+from mabirds_bringup.verbs.members import members
 from mabirds_bringup.verbs.record import record
 from mabirds_bringup.verbs.run import run
 from mabirds_bringup.verbs.schedule import schedule_app
+from mabirds_bringup.verbs.security import security_app
 from mabirds_bringup.verbs.simulate import simulate
 from mabirds_core.errors import MabirdsError
 from mabirds_msgs_py.environment import prepare_environment
@@ -23,11 +25,12 @@ app = typer.Typer(
     help="Learn what several agents want and what they may not do, from demonstrations that learners never pool.\n\n"
     "Exit codes: 0 finished, 2 bad input, 3 a process died, 4 no learner found, 130 interrupted.",
 )
-for verb in (run, simulate, record, inspect):
+for verb in (run, simulate, record, inspect, members):
     app.command()(verb)
 app.add_typer(bag_app, name="bag")
 app.add_typer(bench_app, name="bench")
 app.add_typer(schedule_app, name="schedule")
+app.add_typer(security_app, name="security")
 
 
 def main() -> None:

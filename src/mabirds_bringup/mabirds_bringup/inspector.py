@@ -1,35 +1,49 @@
 """A node that finds the learners of a domain and shows what they publish."""
 
+import math
+from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from mabirds_msgs.msg import EdgeSchedule, LearnerStatus, Parameters
+from rcl_interfaces.srv import GetParameters
+from rclpy.client import Client
 from rclpy.node import Node
-from rclpy.parameter_client import AsyncParameterClient
 
 from mabirds_bringup.live_table import STATES
-from mabirds_core.assembly import build_game
+from mabirds_core.assembly import METHODS, build_game
 from mabirds_core.errors import MabirdsError
 from mabirds_core.experiment import load_experiment
 from mabirds_core.metrics import norms
 from mabirds_msgs_py import topics
-from mabirds_msgs_py.conversion import arrays
+from mabirds_msgs_py.conversion import RefusedMessageError, arrays, read_schedule
 from mabirds_msgs_py.interfaces import type_name
 from mabirds_msgs_py.qos import STATUS_QOS, latched
 
 SEARCH_PERIOD = 0.2
 """Seconds between two looks at the ROS graph."""
 
+LONGEST_PATH = 1000
+"""Characters of the path that a learner names; no file is looked for under a longer one."""
+
+READABLE: dict[type, Callable[[Any], object]] = {
+    LearnerStatus: lambda _: None,
+    Parameters: arrays,
+    EdgeSchedule: read_schedule,
+}
+"""What raises RefusedMessageError for a message that cannot be shown."""
+
 
 @dataclass
 class WatchedLearner:
-    """What is known of one learner, by its namespace."""
+    """What is known of one learner, by its namespace; ``refused`` counts messages that cannot be shown, by reason."""
 
     namespace: str
+    refused: Counter[str] = field(default_factory=Counter)
     status: LearnerStatus | None = None
     parameters: Parameters | None = None
     schedule: EdgeSchedule | None = None
@@ -59,7 +73,7 @@ class InspectorNode(Node):
         super().__init__("inspector", **node_options)
         self.learners: dict[str, WatchedLearner] = {}
         self._on_parameters, self._on_status = on_parameters, on_status
-        self._parameter_clients: dict[str, AsyncParameterClient] = {}
+        self._parameter_clients: dict[str, Client] = {}
         self.create_timer(SEARCH_PERIOD, self._search)
 
     @property
@@ -83,32 +97,40 @@ class InspectorNode(Node):
 
     def _watch(self, namespace: str) -> None:
         learner = self.learners[namespace] = WatchedLearner(namespace)
-        self._parameter_clients[namespace] = AsyncParameterClient(self, f"{namespace}/learner")
-        for message_type, topic, field, qos, tell in (
+        node = "central" if topics.split_namespace(namespace)[1] in METHODS else "learner"
+        self._parameter_clients[namespace] = self.create_client(GetParameters, f"{namespace}/{node}/get_parameters")
+        for message_type, topic, name, qos, tell in (
             (LearnerStatus, topics.STATUS, "status", STATUS_QOS, self._on_status),
             (Parameters, topics.PARAMETERS, "parameters", latched(64), self._on_parameters),
             (EdgeSchedule, topics.EDGE_SCHEDULE, "schedule", STATUS_QOS, lambda _: None),
         ):
-            receive = partial(self._on_message, learner, field, tell)
+            receive = partial(self._on_message, learner, name, tell)
             self.create_subscription(message_type, f"{namespace}/{topic}", receive, qos)
 
     def _on_message(
-        self, learner: WatchedLearner, field: str, tell: Callable[[WatchedLearner], None], message: Any
+        self, learner: WatchedLearner, name: str, tell: Callable[[WatchedLearner], None], message: Any
     ) -> None:
-        setattr(learner, field, message)
+        try:
+            READABLE[type(message)](message)
+        except RefusedMessageError as error:
+            learner.refused[error.reason] += 1
+            return
+        setattr(learner, name, message)
         tell(learner)
 
     def _ask_for_names(self, learner: WatchedLearner) -> None:
         client = self._parameter_clients[learner.namespace]
-        if not learner.asked_for_names and learner.parameters is not None and client.services_are_ready():
+        if not learner.asked_for_names and learner.parameters is not None and client.service_is_ready():
             learner.asked_for_names = True
-            client.get_parameters(["experiment", "run"]).add_done_callback(partial(self._on_experiment, learner))
+            request = GetParameters.Request(names=["experiment", "run"])
+            client.call_async(request).add_done_callback(partial(self._on_experiment, learner))
 
     def _on_experiment(self, learner: WatchedLearner, future: Any) -> None:
         learner.answered = True
-        file, run = (value.string_value for value in future.result().values)
-        if not Path(file).is_file():
+        values = [value.string_value for value in future.result().values]
+        if len(values) != 2 or len(values[0]) > LONGEST_PATH or not Path(values[0]).is_file():
             return  # of another host: features stay numbered
+        file, run = values
         try:
             experiment = load_experiment(Path(file))
         except MabirdsError:
@@ -129,10 +151,12 @@ def describe(learner: WatchedLearner, top: int) -> dict[str, Any]:
             "backlog": status.backlog,
             "last_demonstration": status.last_demonstration,
             "mixed_from": list(status.mixed_from),
-            "metrics": dict(zip(status.metric_names, status.metric_values, strict=False)),
+            "metrics": dict(zip(status.metric_names, map(_number, status.metric_values), strict=False)),
             "dropped": dict(zip(status.drop_reasons, map(int, status.drop_counts), strict=False)),
             "message": status.message,
         }
+    if learner.refused:
+        content["refused"] = dict(learner.refused)
     if learner.parameters is not None:
         content["parameters"] = describe_parameters(learner, top)
     return content
@@ -150,4 +174,10 @@ def describe_parameters(learner: WatchedLearner, top: int) -> dict[str, Any]:
 
 
 def _name(learner: WatchedLearner, feature: int) -> str:
-    return learner.feature_names[feature] if learner.feature_names else f"feature {feature}"
+    names = learner.feature_names or ()
+    return names[feature] if feature < len(names) else f"feature {feature}"
+
+
+def _number(value: float) -> float | None:
+    """As JSON knows it: NaN and infinity are no numbers there."""
+    return value if math.isfinite(value) else None

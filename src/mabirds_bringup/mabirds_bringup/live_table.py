@@ -5,6 +5,7 @@ from rich.table import Table
 
 from mabirds_bringup.monitor import MonitorNode
 from mabirds_core.experiment import Experiment
+from mabirds_core.texts import printable
 
 STATES = {
     LearnerStatus.WAITING_FOR_DEMONSTRATION: "waits for a demonstration",
@@ -20,23 +21,31 @@ def live_table(experiment: Experiment, monitor: MonitorNode) -> Table:
     for column in ("learner", "learned", "backlog", "state", "waits for", "seconds", "dropped"):
         table.add_column(column)
     for name in monitor.names:
-        table.add_row(name, *_cells(experiment, monitor.statuses.get(name)))
+        table.add_row(name, *_cells(experiment, monitor, name))
     return table
 
 
-def _cells(experiment: Experiment, status: LearnerStatus | None) -> list[str]:
+def _cells(experiment: Experiment, monitor: MonitorNode, name: str) -> list[str]:
+    status = monitor.statuses.get(name)
     if status is None:
         return ["-", "-", "starting", "", "", ""]
     metrics = dict(zip(status.metric_names, status.metric_values, strict=False))
     drops = dict(zip(status.drop_reasons, status.drop_counts, strict=False))
-    return [
+    cells = (
         f"{status.last_demonstration}/{experiment.iterations}",
         str(status.backlog),
-        "waiting" if status.waiting_for else STATES.get(status.state, f"state {status.state}?"),
-        ", ".join(status.waiting_for),
+        _state(monitor, name, status),
+        f"{', '.join(status.waiting_for)} (iteration {status.iteration})" if status.waiting_for else "",
         f"{metrics['iteration_seconds']:.3f}" if "iteration_seconds" in metrics else "",
         ", ".join(f"{reason} {count}" for reason, count in drops.items()),
-    ]
+    )
+    return [printable(cell) for cell in cells]  # whatever others have put into their statuses
+
+
+def _state(monitor: MonitorNode, name: str, status: LearnerStatus) -> str:
+    if monitor.presence.is_gone(name):
+        return "gone"
+    return "waiting" if status.waiting_for else STATES.get(status.state, f"state {status.state}?")
 
 
 def caption(monitor: MonitorNode) -> str:
@@ -49,6 +58,6 @@ def caption(monitor: MonitorNode) -> str:
 
 def plain_line(experiment: Experiment, monitor: MonitorNode) -> str:
     """The same in one line, for output that is not a terminal."""
-    cells = (_cells(experiment, monitor.statuses.get(name)) for name in monitor.names)
+    cells = (_cells(experiment, monitor, name) for name in monitor.names)
     rows = [f"{name} {row[0]} {row[2]} {row[3]}".rstrip() for name, row in zip(monitor.names, cells, strict=True)]
     return "; ".join([*rows, caption(monitor)])

@@ -4,6 +4,7 @@ import secrets
 import signal
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,12 +16,13 @@ from rclpy.signals import SignalHandlerOptions
 
 from mabirds_bringup import processes
 from mabirds_bringup.monitor import MonitorNode
-from mabirds_bringup.processes import NodeProcess
-from mabirds_core.errors import MabirdsError
+from mabirds_bringup.supervisor import Supervisor
 from mabirds_core.experiment import Experiment
+from mabirds_core.mixing import ResilientMixing
 from mabirds_core.schedule import Delivered
 from mabirds_core.simulate import History
 from mabirds_msgs_py.bag_writer import BagWriter
+from mabirds_msgs_py.security import enclave_arguments, start_ros
 
 PLAYER = "expert_player"
 """Name of the player among the processes."""
@@ -32,15 +34,19 @@ TICK = 0.1
 """Seconds after which the children are looked at, even if no message comes."""
 
 
-class ProcessDiedError(MabirdsError):
-    """A node ended before its time."""
+def _nothing(monitor: MonitorNode, supervisor: Supervisor, news: Sequence[str]) -> None:
+    """Do nothing at a tick."""
 
 
 class NetworkResult(NamedTuple):
-    """What the monitor received: theta and omega of all iterations, and who mixed whose."""
+    """What the monitor received: theta and omega of all iterations, and who mixed whose.
+
+    ``mass_residual``: of resilient mode, see ``MonitorNode.mass_residual``.
+    """
 
     history: History
     delivered: Delivered
+    mass_residual: float | None
 
 
 @dataclass(frozen=True)
@@ -48,7 +54,8 @@ class Network:
     """The processes of one experiment.
 
     ``player``: parameters of the player, such as rate. ``order``: names in the order in which to start them; the
-    network must not depend on it. ``method``: a central method that learns in the learners' place.
+    network must not depend on it. ``method``: a central method that learns in the learners' place. ``restarts``: how
+    often a node that died is started again.
     """
 
     experiment: Experiment
@@ -57,60 +64,76 @@ class Network:
     player: Mapping[str, object]
     order: Sequence[str] | None = None
     method: str | None = None
+    restarts: int = 0
 
     @property
     def names(self) -> tuple[str, ...]:
         """Who learns."""
         return (self.method,) if self.method else self.experiment.learners
 
-    def run(self, on_tick: Callable[[MonitorNode], None] = lambda _: None) -> NetworkResult:
+    def run(self, on_tick: Callable[[MonitorNode, Supervisor, Sequence[str]], None] = _nothing) -> NetworkResult:
         """Run until every learner has learned everything.
 
-        Raises ProcessDiedError when a node ends early. All processes are stopped in any case.
+        ``on_tick`` is given the monitor, the supervisor and news of processes that died. Raises ProcessDiedError when
+        a node ends early and may not be started again. All processes are stopped in any case.
         """
-        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        arguments = ["--ros-args", *enclave_arguments("/monitor")]
+        start_ros(arguments, signal_handler_options=SignalHandlerOptions.NO)
         before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # end as on Ctrl-C: nothing left behind
-        children: list[NodeProcess] = []
+        supervisor = Supervisor(self._commands(), self.directory / "logs", self.restarts, self._expendable)
         try:
-            with BagWriter(self.directory / "bag", keep=True) as recording:
+            with BagWriter(self.directory / "bag", keep=True) as recording, _spinning() as executor:
                 monitor = MonitorNode(self.experiment, recording, self._run, self.names)
-                executor = SingleThreadedExecutor()
                 executor.add_node(monitor)
-                children.extend(self._start())
+
+                def is_done(name: str, code: int) -> bool:
+                    return name == PLAYER and code == 0 and _hear_out(executor, monitor)
+
                 while not monitor.finished:
                     executor.spin_once(timeout_sec=TICK)
-                    self._check(children, lambda: _hear_out(executor, monitor))
-                    on_tick(monitor)
-                return NetworkResult(monitor.history(), monitor.delivered())
+                    news = supervisor.look_after(monitor.statuses, is_done)
+                    monitor.declare_without(supervisor.given_up())
+                    on_tick(monitor, supervisor, news)
+                return NetworkResult(monitor.history(), monitor.delivered(), monitor.mass_residual())
         finally:
-            processes.stop(children)
+            supervisor.stop()
             signal.signal(signal.SIGTERM, before)
             rclpy.try_shutdown()
+
+    @property
+    def _expendable(self) -> Sequence[str]:
+        """Who may die for good: learners in resilient mode."""
+        return self.names if isinstance(self.experiment.mixing, ResilientMixing) and not self.method else ()
 
     @cached_property
     def _run(self) -> str:
         """A name that no other run has."""
         return f"{self.directory.name}-{secrets.token_hex(4)}"
 
-    def _start(self) -> Iterator[NodeProcess]:
-        """Start one node after the other; lazily, so that the caller knows each one even if a later one fails."""
-        command = processes.central_command if self.method else processes.learner_command
-        commands = {name: command(name, self.file, self._run) for name in self.names}
+    def _commands(self) -> dict[str, list[str]]:
+        """Command lines by name, in the order in which to start them."""
+        commands = {name: self._learning_command(name) for name in self.names}
         player = {**self.player, "run": self._run, "central": self.method or ""}
         commands[PLAYER] = processes.player_command(self.file, player)
-        names = self.order or list(commands)
-        for name in names:
-            yield processes.start(name, commands[name], self.directory / "logs")
+        return {name: commands[name] for name in self.order or commands}
 
-    def _check(self, children: Sequence[NodeProcess], all_learned: Callable[[], bool]) -> None:
-        """Raise ProcessDiedError where a node has ended, unless it is the player and all is learned."""
-        for child in children:
-            code = child.exit_code
-            if code is not None and not (child.name == PLAYER and code == 0 and all_learned()):
-                raise ProcessDiedError(
-                    f"{child.name} ended with exit code {code}; the end of {child.log}:\n"
-                    + processes.last_lines(child.log)
-                )
+    def _learning_command(self, name: str) -> list[str]:
+        if self.method:
+            return processes.central_command(name, self.file, run=self._run)
+        checkpoints = str(self.directory / "checkpoints" / name)
+        return processes.learner_command(name, self.file, run=self._run, checkpoints=checkpoints)
+
+
+@contextmanager
+def _spinning() -> Iterator[SingleThreadedExecutor]:
+    """An executor whose nodes are destroyed with it, and so leave the network at once."""
+    executor = SingleThreadedExecutor()
+    try:
+        yield executor
+    finally:
+        for node in executor.get_nodes():
+            node.destroy_node()
+        executor.shutdown()
 
 
 def _hear_out(executor: SingleThreadedExecutor, monitor: MonitorNode) -> bool:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mabirds_msgs_py.node_main import SUPERVISOR
+from mabirds_msgs_py.security import enclave_arguments
 
 STOP_PATIENCE = 5.0
 """Seconds between SIGTERM and SIGKILL."""
@@ -33,23 +34,27 @@ class NodeProcess:
         return self.popen.poll()
 
 
-def learner_command(learner: str, experiment: Path, run: str = "") -> list[str]:
-    """The command line of one learner's process."""
-    remapping = ["-r", f"__ns:=/{learner}"]
-    parameters = _parameters({"experiment": str(experiment), "run": run})
-    return [sys.executable, "-m", "mabirds_learner", "--ros-args", *remapping, *parameters]
+def learner_command(learner: str, experiment: Path, **parameters: object) -> list[str]:
+    """The command line of one learner's process; ``parameters``: of the node, such as run and checkpoints."""
+    return _command("mabirds_learner", learner, experiment, parameters)
 
 
-def central_command(method: str, experiment: Path, run: str = "") -> list[str]:
+def central_command(method: str, experiment: Path, **parameters: object) -> list[str]:
     """The command line of a central method's process."""
-    parameters = _parameters({"experiment": str(experiment), "run": run})
-    return [sys.executable, "-m", "mabirds_learner.central_node", "--ros-args", "-r", f"__ns:=/{method}", *parameters]
+    return _command("mabirds_learner.central_node", method, experiment, parameters)
+
+
+def _command(module: str, name: str, experiment: Path, parameters: Mapping[str, object]) -> list[str]:
+    arguments = _parameters({"experiment": str(experiment), **parameters})
+    enclave = enclave_arguments(f"/{name}")
+    return [sys.executable, "-m", module, "--ros-args", "-r", f"__ns:=/{name}", *enclave, *arguments]
 
 
 def player_command(experiment: Path, parameters: Mapping[str, object]) -> list[str]:
     """The command line of the expert player's process."""
     arguments = _parameters({"experiment": str(experiment), **parameters})
-    return [sys.executable, "-m", "mabirds_expert_player", "--ros-args", *arguments]
+    enclave = enclave_arguments("/expert_player")
+    return [sys.executable, "-m", "mabirds_expert_player", "--ros-args", *enclave, *arguments]
 
 
 def _parameters(values: Mapping[str, object]) -> list[str]:
@@ -58,7 +63,7 @@ def _parameters(values: Mapping[str, object]) -> list[str]:
 
 
 def start(name: str, command: Sequence[str], log_directory: Path) -> NodeProcess:
-    """Start a node in a process group of its own; its output goes to ``log_directory/name.log``."""
+    """Start a node in a process group of its own; its output is added to ``log_directory/name.log``."""
     log = log_directory / f"{name}.log"
     environment = {
         **os.environ,
@@ -67,7 +72,7 @@ def start(name: str, command: Sequence[str], log_directory: Path) -> NodeProcess
         "PYTHONUNBUFFERED": "1",
         SUPERVISOR: str(os.getpid()),
     }
-    with log.open("wb") as output:
+    with log.open("ab") as output:
         popen = subprocess.Popen(
             command,
             stdin=subprocess.DEVNULL,

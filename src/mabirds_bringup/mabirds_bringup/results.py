@@ -17,7 +17,8 @@ from mabirds_core.simulate import History
 def audit(schedule: EdgeSchedule, delivered: Delivered, iterations: int) -> dict[str, Any]:
     """The delivered graph against the schedule, and its own smallest B.
 
-    B is None where the graph connects not all learners, or where not all of ``iterations`` were heard of.
+    B is None where the graph connects not all learners, or where not all of ``iterations`` were heard of. In resilient
+    mode differences are what was late or lost, and no mistake.
     """
     window = None
     if len(delivered) == iterations:

@@ -37,6 +37,14 @@ class LearnerState(NamedTuple):
     policy: Policy | None = None
 
 
+class Lesson(NamedTuple):
+    """What a demonstration teaches at theta(n), omega(n): a gradient of G, and what the next iteration needs."""
+
+    gradient: Parameters
+    recent: tuple[Trajectories, ...]
+    policy: Policy
+
+
 class Update(NamedTuple):
     """The state of iteration n + 1 and the gradient of G that led there."""
 
@@ -66,13 +74,17 @@ class Learner:
 
     def update(self, state: LearnerState, demonstration: Trajectories, neighbours: Mapping[int, Parameters]) -> Update:
         """One iteration. ``neighbours`` holds theta(n), omega(n) of exactly the in-neighbours of E(n)."""
-        n = state.iteration
+        lesson = self.learn(state, demonstration)
+        after = self.steps.descend(self._mix(state, neighbours), lesson.gradient, state.iteration)
+        return Update(LearnerState(state.iteration + 1, after, lesson.recent, lesson.policy), lesson.gradient)
+
+    def learn(self, state: LearnerState, demonstration: Trajectories) -> Lesson:
+        """Steps 1 to 3, the part of an iteration that needs nobody else."""
         recent = (demonstration, *state.recent)[: self.window]
-        mean, policy = self.estimator(state.parameters, stacked(recent), self._rng(n), state.policy)
+        mean, policy = self.estimator(state.parameters, stacked(recent), self._rng(state.iteration), state.policy)
         share = len(recent) / self.window  # terms with n - i <= 0 are zero
         gradient = Parameters(share * mean.theta, share * mean.omega)
-        after = self.steps.descend(self._mix(state, neighbours), gradient, n)
-        return Update(LearnerState(n + 1, after, recent[: self.window - 1], policy), gradient)
+        return Lesson(gradient, recent[: self.window - 1], policy)
 
     def agree(self, state: LearnerState, neighbours: Mapping[int, Parameters]) -> LearnerState:
         """A closing round: theta and omega are mixed as at every iteration, and no step is taken.

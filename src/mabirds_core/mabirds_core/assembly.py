@@ -13,12 +13,15 @@ from mabirds_core.experiment import AlgorithmSettings, Experiment, NeuralRewardS
 from mabirds_core.games.interface import TabularGame
 from mabirds_core.games.patrol import PatrolGame
 from mabirds_core.gradient import GradientEstimator
+from mabirds_core.mixing import ResilientMixing
 from mabirds_core.parameters import Parameters
 from mabirds_core.policies.interface import Expectation, Policy, PolicyFinder
 from mabirds_core.policies.occupancy import ExactExpectation, SampledExpectation
 from mabirds_core.policies.soft_bellman import SoftBellmanFinder
 from mabirds_core.policies.soft_q_learning import SoftQFinder
+from mabirds_core.resilient import ResilientLearner
 from mabirds_core.rewards import LinearReward, NeuralReward, RewardModel
+from mabirds_core.schedule import EdgeSchedule
 
 
 def build_game(experiment: Experiment) -> PatrolGame:
@@ -39,6 +42,19 @@ def build_learner(experiment: Experiment, name: str, game: TabularGame | None = 
         window=experiment.algorithm.window,
         seed=experiment.seed,
     )
+
+
+def build_resilient_learner(
+    experiment: Experiment, name: str, game: TabularGame | None = None, schedule: EdgeSchedule | None = None
+) -> ResilientLearner:
+    """The same in resilient mode. ``schedule``: of the present members; default: the experiment's.
+
+    Raises ExperimentError where the experiment's mixing is strict, or has no such learner.
+    """
+    if not isinstance(experiment.mixing, ResilientMixing):
+        raise ExperimentError(f"mixing is {experiment.mixing.kind}, expected resilient")
+    learner = build_learner(experiment, name, game)
+    return ResilientLearner(learner, name, schedule or learner.schedule, experiment.mixing.smallest_weight)
 
 
 METHODS = ("bics", "ftl", "dlm", "me_greedy")

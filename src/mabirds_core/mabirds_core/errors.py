@@ -17,6 +17,10 @@ class ImpossibleTrajectoryError(MabirdsError):
     """A trajectory has the wrong shape, or a step that the game's dynamics do not allow."""
 
 
+class CheckpointError(MabirdsError):
+    """A checkpoint that cannot be written or must not be used."""
+
+
 class DivergenceError(MabirdsError):
     """The iteration left the range of numbers."""
 

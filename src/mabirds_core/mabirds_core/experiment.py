@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from mabirds_core.digest import digest
@@ -21,16 +20,28 @@ from mabirds_core.generators import (
     static,
 )
 from mabirds_core.gradient import RolloutStart
+from mabirds_core.mixing import MixingSettings, StrictMixing
 from mabirds_core.parameters import StepSizes
 from mabirds_core.schedule import EdgeSchedule, End, both_ways, validate
+from mabirds_core.texts import printable, shortened
+from mabirds_core.yaml_files import LARGEST_FILE, read_yaml
 
 LONGEST_VALUE = 60
 """Characters of a wrong value that an error shows."""
 
+MOST_STEPS = 100_000_000
+"""Steps of all trajectories that are rolled out at once: some gigabytes."""
+
+LONGEST_EXPLANATION = 500
+"""Characters that say what is wrong with one setting."""
+
+LONGEST_ERROR = 4000
+"""Characters of an error, however many settings are wrong."""
+
 RESERVED_NAMES = {"expert_player", "demonstration"}
 """The player's name, and what a status says when a demonstration is missing."""
 
-LearnerName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+LearnerName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=60)]
 
 
 class _Settings(BaseModel):
@@ -199,8 +210,9 @@ class Experiment(_Settings):
     name: str = Field(pattern=r"^[a-z0-9][a-z0-9_-]*$")
     game: PatrolSettings
     algorithm: AlgorithmSettings
-    learners: tuple[LearnerName, ...] = Field(min_length=1)
+    learners: tuple[LearnerName, ...] = Field(min_length=1, max_length=1000)
     schedule: ScheduleSettings
+    mixing: MixingSettings = Field(StrictMixing(), discriminator="kind", description="strict, or resilient to loss")
     demonstrations: DemonstrationSettings
     baselines: BaselineSettings = BaselineSettings()
     iterations: int = Field(ge=1, le=1_000_000, description="updates a learner makes, one demonstration each")
@@ -219,7 +231,19 @@ class Experiment(_Settings):
                 f"iterations {self.iterations}: expected at most demonstrations.per_learner,"
                 f" {self.demonstrations.per_learner}; record more, or learn fewer"
             )
+        self._check_rollouts()
         return self
+
+    def _check_rollouts(self) -> None:
+        """What is rolled out at once must fit into memory."""
+        counts, most = {"rollouts": self.algorithm.rollouts}, MOST_STEPS // (self.game.horizon + 1)
+        if isinstance(self.algorithm.policy, SoftQSettings):
+            counts["policy.episodes"] = self.algorithm.policy.episodes
+        for name, count in counts.items():
+            if count > most:
+                raise ExperimentError(
+                    f"algorithm.{name} {count}: expected at most {most} for horizon {self.game.horizon}; take fewer"
+                )
 
     @property
     def edge_schedule(self) -> EdgeSchedule:
@@ -235,7 +259,7 @@ class Experiment(_Settings):
     @property
     def digest(self) -> str:
         """SHA-256 of what decides theta and omega and when to end. Not of the schedule, nor of the bag's place."""
-        deciding = {"game", "algorithm", "learners", "baselines", "iterations", "closing_rounds", "seed"}
+        deciding = {"game", "algorithm", "learners", "mixing", "baselines", "iterations", "closing_rounds", "seed"}
         content = self.model_dump(mode="json", include=deciding)
         return digest(content)
 
@@ -244,26 +268,15 @@ class Experiment(_Settings):
         return digest([self.digest, run]) if run else self.digest
 
 
-class _UniqueKeyLoader(yaml.SafeLoader):
-    """YAML in which a setting that is written twice is an error, instead of the second silently winning."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:  # noqa: FBT001, FBT002
-        keys = [self.construct_object(key, deep=True) for key, _ in node.value if not key.tag.endswith(":merge")]
-        for key in keys:
-            if keys.count(key) > 1:
-                raise yaml.constructor.ConstructorError(None, None, f"{key!r} is set twice", node.start_mark)
-        return super().construct_mapping(node, deep)
-
-
 def load_experiment(path: Path) -> Experiment:
     """Read and check an experiment file; raises ExperimentError naming the file and every wrong setting."""
     try:
-        content = yaml.load(path.read_text(encoding="utf-8"), Loader=_UniqueKeyLoader)  # noqa: S506 - a SafeLoader
+        content = read_yaml(path)
     except OSError as error:
         raise ExperimentError(
             f"{path}: cannot be read ({error.strerror}); give the path of an experiment file"
         ) from None
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+    except ValueError as error:
         raise ExperimentError(f"{path}: is not YAML: {error}") from None
     if not isinstance(content, dict):
         raise ExperimentError(f"{path}: expected the settings of an experiment, found {type(content).__name__}")
@@ -273,24 +286,37 @@ def load_experiment(path: Path) -> Experiment:
 def _checked(path: Path, content: dict[str, Any]) -> Experiment:
     try:
         # As JSON, so that strict types still let a list be a tuple: true is no number here, and "12" neither.
-        text = json.dumps(content, default=str)
-    except (ValueError, RecursionError) as error:
+        text = _json(content)
+    except (ValueError, TypeError, RecursionError) as error:
         raise ExperimentError(f"{path}: {error}") from None
     try:
         experiment = Experiment.model_validate_json(text, strict=True)
     except ValidationError as error:
-        raise ExperimentError(f"{path}: " + "; ".join(_explanations(error))) from None
+        raise ExperimentError(f"{path}: {shortened('; '.join(_explanations(error)), LONGEST_ERROR)}") from None
     except MabirdsError as error:
-        raise ExperimentError(f"{path}: {error}") from None
-    bag = (path.parent / experiment.demonstrations.bag).resolve()
+        raise ExperimentError(f"{path}: {shortened(str(error), LONGEST_ERROR)}") from None
+    try:
+        bag = (path.parent / experiment.demonstrations.bag).resolve()
+    except ValueError as error:  # a character that no path may have
+        raise ExperimentError(f"{path}: demonstrations.bag: {error}") from None
     demonstrations = experiment.demonstrations.model_copy(update={"bag": bag})
     return experiment.model_copy(update={"demonstrations": demonstrations})
 
 
+def _json(content: dict[str, Any]) -> str:
+    """As JSON, piece by piece: a few aliases of aliases can stand for gigabytes."""
+    pieces, size = list[str](), 0
+    for piece in json.JSONEncoder(default=str).iterencode(content):
+        pieces.append(piece)
+        size += len(piece)
+        if size > LARGEST_FILE:
+            raise ValueError(f"its settings, with aliases written out, have more than {LARGEST_FILE} characters")
+    return "".join(pieces)
+
+
 def _explanations(error: ValidationError) -> Iterator[str]:
     for problem in error.errors():
-        place = ".".join(str(part) for part in problem["loc"]) or "experiment"
-        given = repr(problem["input"])
-        shown = given if len(given) <= LONGEST_VALUE else f"{given[:LONGEST_VALUE]}..."
-        explanation = problem["msg"].removeprefix("Value error, ")
-        yield f"{place}: {explanation}" + ("" if isinstance(problem["input"], dict) else f" (given: {shown})")
+        place = printable(".".join(str(part) for part in problem["loc"])) or "experiment"
+        given = shortened(repr(problem["input"]), LONGEST_VALUE)
+        explanation = shortened(problem["msg"].removeprefix("Value error, "), LONGEST_EXPLANATION)
+        yield f"{place}: {explanation}" + ("" if isinstance(problem["input"], dict) else f" (given: {given})")

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mabirds_core.errors import ScheduleError
-from mabirds_core.schedule import EdgeSchedule, both_ways, unreachable
+from mabirds_core.schedule import EdgeSchedule, both_ways, require_size, unreachable
 from mabirds_core.weights import Edge
 
 MOST_DRAWS = 1000
@@ -58,8 +58,10 @@ def gossip(learners: Sequence[str], slots: int, seed: int) -> EdgeSchedule:
 
 def _connected(learners: Sequence[str], slots: int, seed: int, pairs: int) -> EdgeSchedule:
     """``slots`` slots of so many random disjoint pairs, drawn until their union connects all learners."""
+    require_size(len(learners), slots)
     rng = np.random.default_rng(seed)
-    for _ in range(MOST_DRAWS):
+    enough = slots * pairs >= len(learners) - 1  # that many edges at least connect all
+    for _ in range(MOST_DRAWS if enough else 0):
         drawn = [_random_pairs(len(learners), pairs, rng) for _ in range(slots)]
         if unreachable(len(learners), frozenset().union(*drawn)) is None:
             return EdgeSchedule(tuple(learners), tuple(drawn))

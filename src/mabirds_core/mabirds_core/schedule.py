@@ -4,9 +4,11 @@ A schedule is a list of P slots, each a set of directed edges. Iterations n = 1.
 is declared: they repeat, the last one is held, or the schedule stops and no run may be longer.
 """
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
+from itertools import accumulate
 from typing import Literal
 
 import numpy as np
@@ -14,12 +16,19 @@ import numpy as np
 from mabirds_core.arrays import Array
 from mabirds_core.digest import digest
 from mabirds_core.errors import ScheduleError
+from mabirds_core.texts import shortened
 from mabirds_core.weights import Edge, doubly_stochastic_weights
 
 End = Literal["repeat", "hold", "stop"]
 
 TOLERANCE = 1e-12
 """How far a row or column sum of W may lie from 1."""
+
+MOST_SLOTS = 100_000
+"""Slots of a schedule: seconds of checking."""
+
+MOST_WEIGHTS = 5_000_000
+"""Entries of the weights W of all slots together: seconds of checking, some ten megabytes."""
 
 
 @dataclass(frozen=True)
@@ -34,17 +43,22 @@ class EdgeSchedule:
     end: End = "repeat"
 
     def __post_init__(self) -> None:
-        """Raise ScheduleError for duplicated names, no slot, self-loops or edges to nowhere."""
+        """Raise ScheduleError for duplicated names, no slot, self-loops, edges to nowhere, or too large a schedule."""
         if len(set(self.learners)) != len(self.learners) or not self.learners:
-            raise ScheduleError(f"learners {list(self.learners)}: expected at least one, each named once")
+            raise ScheduleError(f"learners {self._names}: expected at least one, each named once")
         if not self.slots:
             raise ScheduleError("expected at least one slot; a slot without edges is written as an empty list")
+        require_size(len(self.learners), len(self.slots))
         for sender, receiver in self.all_edges:
-            if sender == receiver or not {sender, receiver} <= set(range(len(self.learners))):
+            if sender == receiver or min(sender, receiver) < 0 or max(sender, receiver) >= len(self.learners):
                 raise ScheduleError(
                     f"edge {self._name(sender)} -> {self._name(receiver)}: expected two different learners of"
-                    f" {list(self.learners)}"
+                    f" {self._names}"
                 )
+
+    @property
+    def _names(self) -> str:
+        return shortened(str(list(self.learners)), most=400)
 
     def _name(self, learner: int) -> str:
         return self.learners[learner] if 0 <= learner < len(self.learners) else f"learner number {learner}"
@@ -66,7 +80,9 @@ class EdgeSchedule:
         return min(iteration, period) - 1 if self.end == "hold" else (iteration - 1) % period
 
     def in_neighbours(self, learner: int, iteration: int) -> list[int]:
-        """Whose parameters of iteration n the learner mixes in, sorted."""
+        """Whose parameters of iteration n the learner mixes in, sorted; nobody's after the end of a schedule."""
+        if self.end == "stop" and iteration > len(self.slots):
+            return []
         return sorted(sender for sender, receiver in self.edges(iteration) if receiver == learner)
 
     def ever_in_neighbours(self, learner: int) -> list[int]:
@@ -86,11 +102,16 @@ class EdgeSchedule:
         """SHA-256 of learners, slots and end."""
         return digest({"learners": self.learners, "slots": [sorted(slot) for slot in self.slots], "end": self.end})
 
-    def windows(self, length: int) -> list[list[int]]:
-        """Slots of every ``length`` consecutive iterations, each different window once."""
-        period = len(self.slots)
-        starts = range(1, period - length + 2) if self.end == "stop" else range(1, period + 1)
-        return [[self._slot(start + k) for k in range(length)] for start in starts]
+    def last_start(self, length: int) -> int:
+        """The windows of ``length`` consecutive iterations begin at 1, ..., this; later ones only repeat them."""
+        return len(self.slots) - length + 1 if self.end == "stop" else len(self.slots)
+
+
+def require_size(n_learners: int, slots: int) -> None:
+    """Raise ScheduleError where so many slots of so many learners cannot be checked in seconds."""
+    most = min(MOST_SLOTS, MOST_WEIGHTS // n_learners**2)
+    if slots > most:
+        raise ScheduleError(f"{slots} slots: expected at most {most} for {n_learners} learners; take fewer")
 
 
 @dataclass(frozen=True)
@@ -114,24 +135,63 @@ def validate(schedule: EdgeSchedule) -> ScheduleReport:
         window=window,
         smallest_weight=min(float(matrix[matrix > 0].min()) for matrix in matrices),
         largest_sum_error=max(_check_weights(schedule, slot, matrix) for slot, matrix in enumerate(matrices)),
-        contraction=max(contraction([matrices[slot] for slot in slots]) for slots in schedule.windows(window)),
+        contraction=max(_disagreement(product) for product in _products(schedule, window)),
     )
 
 
 def contraction(matrices: Sequence[Array]) -> float:
     """|| W_B ... W_1 - 1 1^T / N_L ||_2: 0 for agreement at once, 1 where some disagreement stays."""
-    product = reduce(lambda mixed, matrix: np.asarray(matrix @ mixed), matrices)
+    return _disagreement(reduce(_after, matrices))
+
+
+def _after(mixed: Array, matrix: Array) -> Array:
+    return np.asarray(matrix @ mixed)
+
+
+def _disagreement(product: Array) -> float:
     return float(np.linalg.norm(product - 1 / len(product), ord=2))
+
+
+def _products(schedule: EdgeSchedule, length: int) -> Iterator[Array]:
+    """W(n + length - 1) ... W(n) for every window, three products each: the end of a block, then the next one's start.
+
+    Blocks of ``length`` iterations stand side by side; every window is one, or begins in one and ends in the next.
+    """
+    last = schedule.last_start(length)
+    for start in range(1, last + 1, length):
+        block = [schedule.weights(n) for n in range(start, start + length)]
+        *ends, whole = accumulate(reversed(block), lambda mixed, matrix: np.asarray(mixed @ matrix))
+        yield whole
+        further = range(start + length, min(start + 2 * length - 1, last + length))
+        beginnings = accumulate((schedule.weights(n) for n in further), _after)
+        for end, beginning in zip(reversed(ends), beginnings, strict=False):
+            yield np.asarray(beginning @ end)
 
 
 def smallest_window(schedule: EdgeSchedule) -> int:
     """B: every B consecutive iterations have a strongly connected union (Assumption 2)."""
     _require_connection(schedule)
-    for length in range(1, len(schedule.slots)):
-        unions = (frozenset().union(*(schedule.slots[slot] for slot in slots)) for slots in schedule.windows(length))
-        if all(unreachable(len(schedule.learners), union) is None for union in unions):
-            return length
-    return len(schedule.slots)
+    needed = list(accumulate(_window_lengths(schedule), max))
+    lengths = range(1, len(schedule.slots) + 1)
+    return next(length for length in lengths if needed[schedule.last_start(length) - 1] <= length)
+
+
+def _window_lengths(schedule: EdgeSchedule) -> Iterator[float]:
+    """How many iterations from n on connect all learners, for n = 1, ..., P; infinity where the schedule stops before.
+
+    The window slides: what begins later never ends earlier.
+    """
+    period, end, opened = len(schedule.slots), 0, Counter[Edge]()
+    for start in range(1, period + 1):
+        while unreachable(len(schedule.learners), frozenset(opened)):
+            end += 1
+            if schedule.end == "stop" and end > period:
+                yield from [np.inf] * (period + 1 - start)
+                return
+            opened.update(schedule.edges(end))
+        yield end + 1 - start
+        opened.subtract(schedule.edges(start))
+        opened = +opened  # without the edges that no slot of the window opens any more
 
 
 def _require_connection(schedule: EdgeSchedule) -> None:
@@ -180,6 +240,9 @@ Delivered = Mapping[int, Sequence[Sequence[str]]]
 def delivered_edges(schedule: EdgeSchedule, senders: Sequence[Sequence[str]]) -> frozenset[Edge]:
     """The edges over which parameters really passed at one iteration."""
     index = {name: number for number, name in enumerate(schedule.learners)}
+    strangers = sorted({name for names in senders for name in names} - index.keys())
+    if strangers:
+        raise ScheduleError(f"{shortened(str(strangers))}: expected learners of {schedule.learners}")
     return frozenset((index[sender], receiver) for receiver, names in enumerate(senders) for sender in names)
 
 

@@ -7,12 +7,13 @@ from collections.abc import Callable, Mapping, Sequence
 from time import perf_counter
 from typing import NamedTuple
 
-from mabirds_core.assembly import build_game, build_learner, build_method
+from mabirds_core.assembly import build_game, build_learner, build_method, build_resilient_learner
 from mabirds_core.baselines.interface import Work
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment import Experiment
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.gradient import stacked
+from mabirds_core.mixing import ResilientMixing
 from mabirds_core.parameters import Parameters
 
 History = dict[str, list[Parameters]]
@@ -36,8 +37,10 @@ OnUpdate = Callable[[Progress], None]
 def simulate(experiment: Experiment, demonstrations: Streams, on_update: OnUpdate = lambda _: None) -> History:
     """Run every learner for ``experiment.iterations`` updates, ``on_update`` is called after each, and closing rounds.
 
-    Raises ExperimentError for a stream that is too short.
+    In resilient mode as if nothing were lost. Raises ExperimentError for a stream that is too short.
     """
+    if isinstance(experiment.mixing, ResilientMixing):
+        return simulate_resilient(experiment, demonstrations, on_update=on_update)
     _require_streams(experiment, demonstrations)
     game = build_game(experiment)
     learners = {name: build_learner(experiment, name, game) for name in experiment.learners}
@@ -54,6 +57,37 @@ def simulate(experiment: Experiment, demonstrations: Streams, on_update: OnUpdat
                 states[name] = learner.update(states[name], demonstrations[name][iteration - 1], neighbours).state
                 on_update(Progress(name, perf_counter() - start, Work(iteration, iteration)))
             history[name].append(states[name].parameters)
+    return history
+
+
+Delivers = Callable[[int, str, str], bool]
+"""Does the message of iteration n from a sender to a receiver arrive? In that iteration; what is lost comes later."""
+
+
+def simulate_resilient(
+    experiment: Experiment,
+    demonstrations: Streams,
+    delivers: Delivers = lambda *_: True,
+    on_update: OnUpdate = lambda _: None,
+) -> History:
+    """The same in resilient mode, on a network that loses what ``delivers`` says it loses."""
+    _require_streams(experiment, demonstrations)
+    game = build_game(experiment)
+    learners = {name: build_resilient_learner(experiment, name, game) for name in experiment.learners}
+    states = {name: one.begin(one.learner.initial_state()) for name, one in learners.items()}
+    history: History = {name: [state.learner.parameters] for name, state in states.items()}
+    for iteration in range(1, experiment.iterations + experiment.closing_rounds + 1):
+        sent = {name: state.ledger.given for name, state in states.items()}
+        for name, one in learners.items():
+            scheduled = (experiment.learners[u] for u in one.schedule.in_neighbours(one.learner.index, iteration))
+            sums = {u: sent[u][name] for u in scheduled if name in sent[u] and delivers(iteration, u, name)}
+            if iteration > experiment.iterations:
+                states[name] = one.agree(states[name], sums)
+            else:
+                start = perf_counter()
+                states[name] = one.update(states[name], demonstrations[name][iteration - 1], sums).state
+                on_update(Progress(name, perf_counter() - start, Work(iteration, iteration)))
+            history[name].append(states[name].learner.parameters)
     return history
 
 

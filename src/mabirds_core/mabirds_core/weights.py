@@ -10,9 +10,8 @@ W[v, u] is the weight that learner v gives to learner u; W 1 = 1 and 1^T W = 1^T
 An edge on no directed cycle fits no doubly stochastic W and is refused by name.
 """
 
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Iterable, Sequence
-from itertools import pairwise
 
 import numpy as np
 
@@ -28,7 +27,7 @@ def doubly_stochastic_weights(n_learners: int, edges: Iterable[Edge], names: Seq
     edges = sorted(set(edges))
     out_degree, in_degree = (np.bincount([edge[end] for edge in edges], minlength=n_learners) for end in (0, 1))
     weights = np.zeros((n_learners, n_learners))
-    if all((receiver, sender) in edges for sender, receiver in edges):
+    if {(receiver, sender) for sender, receiver in edges} == set(edges):
         for sender, receiver in edges:
             weights[receiver, sender] = 1 / (1 + max(in_degree[sender], in_degree[receiver]))
     elif (out_degree == in_degree).all():
@@ -44,28 +43,43 @@ def doubly_stochastic_weights(n_learners: int, edges: Iterable[Edge], names: Seq
 
 def _circulation(n_learners: int, edges: list[Edge], names: Sequence[str]) -> Array:
     """flow[receiver, sender]: one shortest directed cycle through every edge, summed."""
-    flow = np.zeros((n_learners, n_learners))
-    for sender, receiver in edges:
-        way_back = _shortest_path(edges, receiver, sender)
-        if way_back is None:
-            raise ScheduleError(
-                f"edge {names[sender]} -> {names[receiver]} lies on no directed cycle of its slot, so no doubly"
-                f" stochastic weights exist; add a way back from {names[receiver]} to {names[sender]}"
-            )
-        cycle = [sender, *way_back]
-        for tail, head in pairwise(cycle):
-            flow[head, tail] += 1
+    flow, lost = np.zeros((n_learners, n_learners)), list[Edge]()
+    successors = _by_first(edges)
+    for start, senders in _by_first([(receiver, sender) for sender, receiver in edges]).items():
+        before = _search(successors, start)
+        for sender in senders:
+            if sender not in before:
+                lost.append((sender, start))
+                continue
+            flow[start, sender] += 1
+            here = sender
+            while here != start:
+                flow[here, before[here]] += 1
+                here = before[here]
+    if lost:
+        tail, head = (names[learner] for learner in min(lost))
+        raise ScheduleError(
+            f"edge {tail} -> {head} lies on no directed cycle of its slot, so no doubly stochastic weights exist;"
+            f" add a way back from {head} to {tail}"
+        )
     return flow
 
 
-def _shortest_path(edges: list[Edge], start: int, end: int) -> list[int] | None:
-    """Learners from ``start`` to ``end`` along directed edges, or None; breadth first."""
-    paths = {start: [start]}
-    queue = deque([start])
-    while queue and end not in paths:
+def _by_first(pairs: Iterable[Edge]) -> dict[int, list[int]]:
+    """The second ones of the pairs by the first, in the order of the pairs."""
+    found = defaultdict[int, list[int]](list)
+    for first, second in pairs:
+        found[first].append(second)
+    return found
+
+
+def _search(successors: dict[int, list[int]], start: int) -> dict[int, int]:
+    """The learner before each one on a shortest directed way to it from ``start``; breadth first."""
+    before, queue = {start: start}, deque([start])
+    while queue:
         here = queue.popleft()
-        for tail, head in edges:
-            if tail == here and head not in paths:
-                paths[head] = [*paths[here], head]
+        for head in successors.get(here, ()):
+            if head not in before:
+                before[head] = here
                 queue.append(head)
-    return paths.get(end)
+    return before

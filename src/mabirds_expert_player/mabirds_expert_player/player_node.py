@@ -11,24 +11,30 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
 from mabirds_msgs.msg import Demonstration, LearnerStatus
 from mabirds_msgs.srv import PlayNext, Resend
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 
-from mabirds_core.assembly import build_game
-from mabirds_expert_player.stream import Stream
-from mabirds_msgs_py import topics
+from mabirds_core.assembly import METHODS, build_game
+from mabirds_core.errors import ExperimentError
+from mabirds_core.texts import shortened
+from mabirds_expert_player.diagnostics import playing_diagnostic
+from mabirds_expert_player.stream import Claims, Stream
+from mabirds_msgs_py import diagnostics, topics
 from mabirds_msgs_py.bag_reader import DemonstrationBag
-from mabirds_msgs_py.conversion import NANOSECONDS
+from mabirds_msgs_py.conversion import NANOSECONDS, time_message
 from mabirds_msgs_py.environment import prepare_environment
 from mabirds_msgs_py.node_main import run_node
 from mabirds_msgs_py.qos import STATUS_QOS, latched
 from mabirds_msgs_py.ros_parameters import declare_experiment, experiment_of, real, text, whole
 
 PATIENCE = 2.0
-"""Seconds after which a demonstration that a waiting learner does not acknowledge is sent again."""
+"""Seconds after which a demonstration that a waiting learner does not acknowledge is sent again.
+
+And until statuses that contradict each other are believed to be a learner's or a player's new start."""
 
 IDLE = 3600.0
 """Seconds between two looks while nothing can become due by itself."""
@@ -48,17 +54,22 @@ class ExpertPlayerNode(Node):
         self._declare_parameters()
         experiment, self._experiment_digest = experiment_of(self)
         self._schedule_digest = experiment.edge_schedule.digest
+        if self._value("central") not in ("", *METHODS):
+            raise ExperimentError(f"central {self._value('central')!r}: expected one of {METHODS}, or nothing")
         self._game = build_game(experiment)
         directory = Path(self._value("bag") or experiment.demonstrations.bag)
         self.get_logger().info(f"checking {directory}")
         self._bag = DemonstrationBag(directory, self._game, experiment.learners, at_least=experiment.iterations)
         window = self._value("window")
         self._streams = {name: Stream(experiment.iterations, window) for name in experiment.learners}
+        self._claims = {name: Claims(PATIENCE) for name in experiment.learners}
         self._paused = False
         self._held_back: set[str] = set()
         self.done = False
         self._publishers_by_learner = {name: self._connect(name) for name in experiment.learners}
         self._timer = self.create_timer(1.0, self._play)
+        self._diagnostics_publisher = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, diagnostics.DEPTH)
+        self.create_timer(diagnostics.PERIOD, self._publish_diagnostics)
         self.add_post_set_parameters_callback(self._on_parameters)
         self.create_service(SetBool, "~/pause", self._on_pause)
         self.create_service(PlayNext, "~/play_next", self._on_play_next)
@@ -91,15 +102,40 @@ class ExpertPlayerNode(Node):
         return self.create_publisher(Demonstration, f"{learner}/{topics.DEMONSTRATION}", latched(HISTORY))
 
     def _on_status(self, learner: str, status: LearnerStatus) -> None:
-        if not self._same_network(learner, status):
+        if not (self._same_network(learner, status) and self._possible(learner, status)):
             return
-        stream = self._streams[learner]
-        stream.acknowledge(status.last_demonstration)
+        stream, now = self._streams[learner], time.monotonic()
+        learned = self._claims[learner].believed(status.last_demonstration, stream.sent, now)
+        if learned != status.last_demonstration:
+            self._report_contradiction(learner, status.last_demonstration, learned)
+        if learned is None:
+            return
+        stream.acknowledge(learned)
         if status.state == LearnerStatus.WAITING_FOR_DEMONSTRATION:
-            for iteration in stream.missing(time.monotonic(), PATIENCE):
+            for iteration in stream.missing(now, PATIENCE):
                 self.get_logger().warning(f"{learner} still waits for demonstration {iteration}: sending it again")
                 self._publish(learner, iteration)
         self._play()
+
+    def _report_contradiction(self, learner: str, claimed: int, learned: int | None) -> None:
+        believed = "nothing yet" if learned is None else learned
+        self.get_logger().warning(
+            f"{learner} says that it learned {claimed}, which contradicts what was sent or said before; believed:"
+            f" {believed}. It was started again, or somebody else speaks in its name",
+            throttle_duration_sec=10.0,
+        )
+
+    def _possible(self, learner: str, status: LearnerStatus) -> bool:
+        """Is the status from ``learner``, and within what there is to learn? Says so where it is not."""
+        name, total = self._value("central") or learner, self._streams[learner].total
+        if status.learner == name and status.last_demonstration <= total:
+            return True
+        self.get_logger().error(
+            f"a status on {name}'s topic is of {shortened(status.learner)!r} and says that it learned"
+            f" {status.last_demonstration} of {total}; it is ignored, look for a second publisher",
+            throttle_duration_sec=10.0,
+        )
+        return False
 
     def _same_network(self, learner: str, status: LearnerStatus) -> bool:
         """Does the learner run the same game, experiment and schedule? Says so where it does not."""
@@ -111,8 +147,8 @@ class ExpertPlayerNode(Node):
         different = {name: pair for name, pair in expected.items() if pair[0] != pair[1]}
         for name, (theirs, ours) in different.items():
             self.get_logger().error(
-                f"{learner} has another {name}: digest {theirs}, here {ours}; start both with the same experiment"
-                " file and run",
+                f"{learner} has another {name}: digest {shortened(theirs)}, here {ours}; start both with the same"
+                " experiment file and run",
                 throttle_duration_sec=10.0,
             )
         return not different
@@ -164,6 +200,11 @@ class ExpertPlayerNode(Node):
             self._held_back.remove(learner)
             self.get_logger().info(f"{learner} caught up to {stream.acknowledged}")
 
+    def _publish_diagnostics(self) -> None:
+        stamp = time_message(self.get_clock().now().nanoseconds)
+        message = playing_diagnostic(self.get_name(), self._streams, stamp, paused=self._paused)
+        self._diagnostics_publisher.publish(message)
+
     def _on_parameters(self, parameters: list[Parameter]) -> None:
         """A new rate or hz holds from the next demonstration on."""
         if {parameter.name for parameter in parameters} & {"rate", "hz"}:
@@ -181,10 +222,10 @@ class ExpertPlayerNode(Node):
             return response
         now, sent = time.monotonic(), 0
         for learner, stream in self._streams.items():
-            for _ in range(request.count):
-                if stream.open:
-                    self._publish(learner, stream.mark_sent(now, now))
-                    sent += 1
+            before = stream.sent
+            while stream.open and stream.sent < before + request.count:
+                self._publish(learner, stream.mark_sent(now, now))
+            sent += stream.sent - before
         response.success, response.message = True, f"published {sent} demonstrations"
         return response
 
@@ -192,7 +233,8 @@ class ExpertPlayerNode(Node):
         stream = self._streams.get(request.learner)
         if stream is None or not 1 <= request.iteration <= stream.sent:
             sent = {name: stream.sent for name, stream in self._streams.items()}
-            response.message = f"{request.learner!r} iteration {request.iteration}: expected one of those sent, {sent}"
+            learner = shortened(request.learner)
+            response.message = f"{learner!r} iteration {request.iteration}: expected one of those sent, {sent}"
             return response
         self._publish(request.learner, request.iteration)
         response.success, response.message = True, "published again"

@@ -1,7 +1,9 @@
 """Where one learner's stream stands: what is due, what is held back, what must be sent again. No ROS, no clock."""
 
+from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import pairwise
 
 
 @dataclass
@@ -65,6 +67,34 @@ class Stream:
             return range(0)
         self.last_sent_at = now
         return range(self.acknowledged + 1, min(self.sent, self.acknowledged + self.window) + 1)
+
+
+@dataclass
+class Claims:
+    """How much one learner says it has learned, and how much of that is believed. Times as in ``Stream``.
+
+    What is said may contradict what was said just before, by falling, or what was sent, by exceeding it. Either the
+    learner or this player was started again, which is over after ``patience`` seconds, or somebody else speaks in the
+    learner's name. Until it is over the least counts: nobody is left behind or skipped.
+    """
+
+    patience: float
+    doubted_since: float | None = None
+    _heard: deque[tuple[float, int]] = field(default_factory=deque)
+
+    def believed(self, learned: int, sent: int, now: float) -> int | None:
+        """What counts now that the learner says ``learned``, and ``sent`` were sent; None: nothing does yet."""
+        self._heard.append((now, learned))
+        while now - self._heard[0][0] > self.patience:
+            self._heard.popleft()
+        lately = [number for _, number in self._heard]
+        if learned <= sent:
+            self.doubted_since = None
+        elif self.doubted_since is None:
+            self.doubted_since = now
+        if self.doubted_since is not None and now - self.doubted_since < self.patience:
+            return min((number for number in lately if number <= sent), default=None)
+        return min(lately) if any(later < before for before, later in pairwise(lately)) else learned
 
 
 LATENESS = 0.05

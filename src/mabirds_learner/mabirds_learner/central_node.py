@@ -31,22 +31,22 @@ class CentralNode(ProgressNode):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("central", **node_options)
-        experiment, history = self._experiment, self._value("demonstration_history")
+        experiment, history = self.experiment, self.value("demonstration_history")
         game = build_game(experiment)
         method = build_method(experiment, self.own_name, game)
         self.session = CentralSession(method, experiment.learners, experiment.iterations, history)
         self.begin(game, PARAMETER_HISTORY)
         for learner in experiment.learners:
-            topic = f"{self._fleet}{learner}/{topics.DEMONSTRATION}"
+            topic = f"{self.fleet}{learner}/{topics.DEMONSTRATION}"
             self.create_subscription(Demonstration, topic, partial(self._on_demonstration, learner), latched(history))
 
     def _on_demonstration(self, learner: str, message: Demonstration) -> None:
         try:
-            trajectory = read_demonstration(self._game, learner, message, self._experiment_digest)
+            trajectory = read_demonstration(self.game, learner, message, self.experiment_digest)
             self.session.receive_demonstration(learner, message.iteration, trajectory)
         except RefusedMessageError as error:
-            self._drop(f"{topics.DEMONSTRATION} {message.iteration} of {learner}", error)
-        self._continue()
+            self.drop(f"{topics.DEMONSTRATION} {message.iteration} of {learner}", error)
+        self.go_on()
 
 
 HELP = """Run a central method on the demonstrations of all learners.

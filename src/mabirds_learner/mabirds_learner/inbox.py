@@ -1,15 +1,36 @@
-"""Which iteration a message may be of to be kept."""
+"""Which messages are kept: of which iterations, and what becomes of one that says something else than one before."""
 
-from collections.abc import Container
+from collections.abc import Mapping
+from typing import Any
 
+from mabirds_core.games.interface import Trajectories
+from mabirds_core.parameters import Parameters
 from mabirds_msgs_py.conversion import RefusedMessageError
 
+Content = Trajectories | Parameters
 
-def accept(iteration: int, current: int, known: Container[int], history: int) -> None:
-    """Raise RefusedMessageError unless ``iteration`` is new and in [current, current + history)."""
+
+def accept(
+    iteration: int, current: int, known: Mapping[int, Any], history: int, content: Content | None = None
+) -> None:
+    """Raise RefusedMessageError unless ``iteration`` is new and in [current, current + history).
+
+    ``known``: what is kept, by iteration. The first message of an iteration stays; a later one is a harmless
+    ``duplicate`` where its ``content`` is the same to the last bit, and a ``conflict`` where it is not: then somebody
+    else sends in the same name.
+    """
     if iteration < current:
         raise RefusedMessageError("old_iteration", f"iteration {iteration}, expected {current} or later")
-    if iteration in known:
+    if iteration in known and (content is None or _same(known[iteration], content)):
         raise RefusedMessageError("duplicate", f"iteration {iteration} has arrived before")
+    if iteration in known:
+        raise RefusedMessageError(
+            "conflict",
+            f"iteration {iteration} has arrived before with other content, which is kept; who else sends it?",
+        )
     if iteration >= current + history:
         raise RefusedMessageError("future_iteration", f"iteration {iteration}, expected less than {current + history}")
+
+
+def _same(one: Content, other: Content) -> bool:
+    return all(ours.tobytes() == theirs.tobytes() for ours, theirs in zip(one, other, strict=True))

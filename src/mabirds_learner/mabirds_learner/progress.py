@@ -5,12 +5,14 @@ from typing import Protocol
 from mabirds_core.algorithm import LearnerState
 from mabirds_core.baselines.interface import CentralState
 from mabirds_core.parameters import Parameters
+from mabirds_core.resilient import ResilientState
 
 
 class Session(Protocol):
     """What has arrived, what is missing, and the next update once nothing is."""
 
     mixed_from: list[str]
+    epoch: int
 
     @property
     def iteration(self) -> int:
@@ -52,10 +54,14 @@ class Session(Protocol):
 
 
 class Standing:
-    """Where a session stands, as its state tells. ``last``: the iteration after which nothing is left to do."""
+    """Where a session stands, as its state tells. ``last``: the iteration after which nothing is left to do.
 
-    state: LearnerState | CentralState
+    ``epoch``: of the membership that is followed; 0 where there is none, as in strict mode.
+    """
+
+    state: LearnerState | ResilientState | CentralState
     last: int
+    epoch: int = 0
 
     @property
     def iteration(self) -> int:

@@ -4,6 +4,7 @@ import time
 from collections import Counter
 from typing import Any
 
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from mabirds_msgs.msg import EdgeSchedule, LearnerStatus
 from mabirds_msgs.msg import Parameters as ParametersMessage
@@ -13,21 +14,15 @@ from mabirds_core.errors import ExperimentError
 from mabirds_core.games.interface import ConstrainedMarkovGame
 from mabirds_core.metrics import norms
 from mabirds_core.parameters import Parameters
-from mabirds_learner.diagnostics import HARMLESS, diagnostic_message
+from mabirds_learner.diagnostics import HARMLESS, learning_diagnostic
 from mabirds_learner.progress import Session
-from mabirds_msgs_py import topics
+from mabirds_msgs_py import diagnostics, topics
 from mabirds_msgs_py.conversion import RefusedMessageError, parameters_message, schedule_message, time_message
-from mabirds_msgs_py.qos import STATUS_QOS, latched
+from mabirds_msgs_py.qos import STATUS_QOS, announced, latched
 from mabirds_msgs_py.ros_parameters import declare_experiment, experiment_of, real, whole
 
 STATUSES_AN_ITERATION = 8
 """No more than these, as a rule: one for each arrival, one for the update, one for each second in between."""
-
-DIAGNOSTICS_PERIOD = 1.0
-"""Seconds between two messages to /diagnostics, as diagnostic aggregators expect."""
-
-DIAGNOSTICS_DEPTH = 10
-"""The default depth of /diagnostics."""
 
 
 class ProgressNode(Node):
@@ -47,50 +42,64 @@ class ProgressNode(Node):
         self.declare_parameter(
             "status_period", 1.0, real("seconds between two status messages while nothing changes", 0.05, 60.0)
         )
-        self._fleet, self.own_name = topics.split_namespace(self.get_namespace())
+        self.fleet, self.own_name = topics.split_namespace(self.get_namespace())
         if not self.own_name:
             raise ExperimentError("no namespace: a learner's namespace is its name; start with -r __ns:=/learner_1")
-        self._experiment, self._experiment_digest = experiment_of(self)
-        self._schedule = self._experiment.edge_schedule
+        self.experiment, self.experiment_digest = experiment_of(self)
+        self.schedule = self.experiment.edge_schedule
         self._drops: Counter[str] = Counter()
         self._event = ""
 
-    def _value(self, name: str) -> Any:
+    def value(self, name: str) -> Any:
+        """The value of a ROS parameter."""
         return self.get_parameter(name).value
 
     def begin(self, game: ConstrainedMarkovGame, history: int) -> None:
         """Announce theta(1), omega(1) and the status; ``history``: messages kept for those who come late."""
-        self._game = game
+        self.game = game
         self._metrics = norms(self.session.parameters)
-        self._parameter_publisher = self.create_publisher(ParametersMessage, topics.PARAMETERS, latched(history))
+        self._parameter_publisher = self.create_publisher(ParametersMessage, topics.PARAMETERS, announced(history))
         # Deeper, so that a recorder gets every status; readers that want the newest only ask for a depth of 1.
         depth = STATUSES_AN_ITERATION * history
         self._status_publisher = self.create_publisher(LearnerStatus, topics.STATUS, latched(depth))
         self._schedule_publisher = self.create_publisher(EdgeSchedule, topics.EDGE_SCHEDULE, STATUS_QOS)
-        self._schedule_publisher.publish(schedule_message(self._schedule))
-        self._diagnostics_publisher = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, DIAGNOSTICS_DEPTH)
+        self._schedule_publisher.publish(schedule_message(self.schedule))
+        self._diagnostics_publisher = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, diagnostics.DEPTH)
         self._diagnosed_at = 0
-        self.create_timer(self._value("status_period"), self._on_timer)
-        self.create_timer(DIAGNOSTICS_PERIOD, self._publish_diagnostics)
+        self.create_timer(self.value("status_period"), self.on_timer)
+        self.create_timer(diagnostics.PERIOD, self._publish_diagnostics)
         # Triggered when the next update can be made, so that each is a callback of its own and others get a turn.
         self._next = self.create_guard_condition(self._advance)
-        self._publish_parameters()
-        self._publish_status()
+        self.publish_history()
+        self.publish_status()
 
-    def _on_timer(self) -> None:
+    def on_timer(self) -> None:
         """Say that this node lives."""
-        self._publish_status()
+        self.publish_status()
 
-    def _drop(self, what: str, error: RefusedMessageError) -> None:
-        self._drops[error.reason] += 1
+    def say(self, words: str, *, log: bool = True) -> None:
+        """Tell people, in the statuses from now on and in the log."""
+        self._event = words
+        if log:
+            self.get_logger().info(words)
+
+    def drop(self, what: str, error: RefusedMessageError) -> None:
+        """Count a message that is not used, and say why unless that is harmless."""
         if error.reason in HARMLESS:
-            return
-        self._event = f"dropped {what}: {error}"
-        if self._drops[error.reason] == 1:
-            self.get_logger().warning(self._event)
+            self._drops[error.reason] += 1
+        else:
+            self.count_drop(error.reason, f"dropped {what}: {error}")
 
-    def _continue(self) -> None:
-        self._publish_status()
+    def count_drop(self, reason: str, words: str) -> None:
+        """Count under ``reason``; into the log only once, so that nobody can flood it."""
+        self._drops[reason] += 1
+        self._event = words
+        if self._drops[reason] == 1:
+            self.get_logger().warning(words)
+
+    def go_on(self) -> None:
+        """Publish where this node stands, and see to it that the next update is made once it can be."""
+        self.publish_status()
         if self.session.ready:
             self._next.trigger()
 
@@ -102,33 +111,52 @@ class ProgressNode(Node):
         metrics = self.session.step()
         seconds = time.perf_counter() - start
         self._metrics = {"iteration_seconds": seconds, **norms(self.session.parameters), **metrics}
-        self._publish_parameters()
-        self._continue()
+        self.keep()
+        self.publish_update()
+        self.go_on()
         if self.session.finished:
-            self.get_logger().info(f"{self.own_name}: all {self._experiment.iterations} demonstrations learned")
+            self.get_logger().info(f"{self.own_name}: all {self.experiment.iterations} demonstrations learned")
+
+    def keep(self) -> None:
+        """Remember what the update led to, before it is published."""
+
+    def publish_update(self) -> None:
+        """Tell what the update led to."""
+        self.publish_parameters(self.session.iteration, self.session.parameters)
+
+    def publish_history(self) -> None:
+        """Tell those who listen now where this node begins."""
+        self.publish_parameters(self.session.iteration, self.session.parameters)
 
     def _now(self) -> int:
         return self.get_clock().now().nanoseconds
 
-    def _parameters_message(self, iteration: int, parameters: Parameters) -> ParametersMessage:
+    def stamp(self) -> Time:
+        """The present time for a message."""
+        return time_message(self._now())
+
+    def parameters_message(self, iteration: int, parameters: Parameters) -> ParametersMessage:
+        """theta(iteration), omega(iteration) as a message of this node."""
         return parameters_message(
-            self.own_name, iteration, parameters, self._experiment_digest, self._schedule.digest, self._now()
+            self.own_name, iteration, parameters, self.experiment_digest, self.schedule.digest, self._now()
         )
 
-    def _publish_parameters(self) -> None:
-        message = self._parameters_message(self.session.iteration, self.session.parameters)
-        self._parameter_publisher.publish(message)
+    def publish_parameters(self, iteration: int, parameters: Parameters) -> None:
+        """Tell everybody who listens theta(iteration), omega(iteration)."""
+        self._parameter_publisher.publish(self.parameters_message(iteration, parameters))
 
-    def _publish_status(self) -> None:
+    def publish_status(self) -> None:
+        """Tell where this node stands."""
         session = self.session
         message = LearnerStatus(
             learner=self.own_name,
-            game_digest=self._game.digest,
-            experiment_digest=self._experiment_digest,
-            schedule_digest=self._schedule.digest,
+            game_digest=self.game.digest,
+            experiment_digest=self.experiment_digest,
+            schedule_digest=self.schedule.digest,
             state=self._state(),
+            epoch=session.epoch,
             iteration=session.iteration,
-            last_demonstration=min(session.iteration - 1, self._experiment.iterations),
+            last_demonstration=min(session.iteration - 1, self.experiment.iterations),
             backlog=session.backlog,
             waiting_for=session.waiting_for(),
             mixed_from=session.mixed_from,
@@ -138,14 +166,14 @@ class ProgressNode(Node):
             drop_counts=list(self._drops.values()),
             message=self._event,
         )
-        message.stamp = time_message(self._now())
+        message.stamp = self.stamp()
         self._status_publisher.publish(message)
 
     def _publish_diagnostics(self) -> None:
         """Once a second: where this node stands, and a warning where it stands still."""
         stalled, self._diagnosed_at = self._diagnosed_at == self.session.iteration, self.session.iteration
-        message = diagnostic_message(
-            self.own_name, self.session, self._drops, time_message(self._now()), stalled=stalled
+        message = learning_diagnostic(
+            self.own_name, self.session, self._drops, self._metrics, self.stamp(), stalled=stalled
         )
         self._diagnostics_publisher.publish(message)
 

@@ -5,25 +5,23 @@ theta(n), omega(n) of every in-neighbour of E(n); it waits for as long as one is
 """
 
 from collections import defaultdict
+from collections.abc import Mapping
 
 from mabirds_core.algorithm import Learner, LearnerState
+from mabirds_core.arrays import Array
 from mabirds_core.errors import ScheduleError
-from mabirds_core.games.interface import Trajectories
 from mabirds_core.metrics import norms
 from mabirds_core.parameters import Parameters
 from mabirds_core.schedule import EdgeSchedule, smallest_window
+from mabirds_core.storage import from_arrays, to_arrays
 from mabirds_learner.inbox import accept
-from mabirds_learner.progress import Standing
-
-DEMONSTRATION = "demonstration"
+from mabirds_learner.learner_session import LearnerSession
 
 
-class StrictSession(Standing):
-    """One learner's side of the exchange.
+class StrictSession(LearnerSession):
+    """One learner's side of the strict exchange.
 
-    ``iterations``: updates to make; ``closing_rounds``: rounds of averaging alone after them.
-    ``demonstration_history``, ``parameter_history``: how many iterations ahead messages are kept. Raises
-    ScheduleError where the schedule lets neighbours run further ahead than that.
+    Raises ScheduleError where the schedule lets neighbours run further ahead than ``parameter_history``.
     """
 
     def __init__(
@@ -34,15 +32,10 @@ class StrictSession(Standing):
         parameter_history: int,
         closing_rounds: int = 0,
     ) -> None:
-        self.learner = learner
+        super().__init__(learner, iterations, demonstration_history, parameter_history, closing_rounds)
         self.state: LearnerState = learner.initial_state()
-        self.mixed_from: list[str] = []
-        self._iterations, self.last = iterations, iterations + closing_rounds
-        self._demonstration_history = demonstration_history
-        self._parameter_history = parameter_history
-        self._demonstrations: dict[int, Trajectories] = {}
         self._parameters: defaultdict[int, dict[int, Parameters]] = defaultdict(dict)
-        self._own: dict[int, Parameters] = {self.state.iteration: self.state.parameters}
+        self._own[self.iteration] = self.parameters
         self._require_history()
 
     def _require_history(self) -> None:
@@ -53,39 +46,15 @@ class StrictSession(Standing):
                 f" iterations ahead; set at least {lead + 1}"
             )
 
-    @property
-    def backlog(self) -> int:
-        """Demonstrations that arrived and are not learned yet."""
-        return len(self._demonstrations)
-
-    @property
-    def missing_demonstration(self) -> bool:
-        """Is zeta(n) still to come?"""
-        return self.iteration <= self._iterations and self.iteration not in self._demonstrations
-
-    def missing_neighbours(self) -> list[int]:
+    def missing_neighbours(self) -> list[str]:
         """In-neighbours of E(n) whose parameters of iteration n are still to come."""
         if self.finished:
             return []
-        return [u for u in self._scheduled(self.iteration) if self.iteration not in self._parameters[u]]
+        missing = [u for u in self._scheduled(self.iteration) if self.iteration not in self._parameters[u]]
+        return [self.learner.schedule.learners[u] for u in missing]
 
     def _scheduled(self, iteration: int) -> list[int]:
         return self.learner.schedule.in_neighbours(self.learner.index, iteration)
-
-    def waiting_for(self) -> list[str]:
-        """Names of what is missing for the next update; empty when it can be made."""
-        names = [self.learner.schedule.learners[u] for u in self.missing_neighbours()]
-        return ([DEMONSTRATION] if self.missing_demonstration else []) + names
-
-    @property
-    def ready(self) -> bool:
-        """Can the next update be made?"""
-        return not (self.finished or self.missing_demonstration or self.missing_neighbours())
-
-    def receive_demonstration(self, iteration: int, trajectory: Trajectories) -> None:
-        """Keep zeta(iteration). Raises RefusedMessageError where it is old, known, or too far ahead."""
-        accept(iteration, self.iteration, self._demonstrations, self._demonstration_history)
-        self._demonstrations[iteration] = trajectory
 
     def receive_parameters(self, neighbour: int, iteration: int, parameters: Parameters) -> None:
         """Keep a neighbour's theta, omega of an iteration at which its edge is open; others are of no use.
@@ -94,7 +63,7 @@ class StrictSession(Standing):
         """
         if iteration < 1 or neighbour not in self._scheduled(iteration):
             return
-        accept(iteration, self.iteration, self._parameters[neighbour], self._parameter_history)
+        accept(iteration, self.iteration, self._parameters[neighbour], self._parameter_history, parameters)
         self._parameters[neighbour][iteration] = parameters
 
     def step(self) -> dict[str, float]:
@@ -108,25 +77,16 @@ class StrictSession(Standing):
             self.state = update.state
             metrics = {f"gradient_{name}": value for name, value in norms(update.gradient).items()}
         self.mixed_from = [self.learner.schedule.learners[u] for u in neighbours]
-        self._forget(n)
+        for known in self._parameters.values():
+            known.pop(n, None)
+        self._close_iteration(n)
         return metrics
 
-    def _forget(self, iteration: int) -> None:
-        """Drop what served update n, and own parameters that nobody can ask for any more."""
-        self._demonstrations.pop(iteration, None)
-        for known in self._parameters.values():
-            known.pop(iteration, None)
-        self._own[self.iteration] = self.state.parameters
-        self._own.pop(self.iteration - self._parameter_history, None)
+    def _state_arrays(self) -> dict[str, Array]:
+        return to_arrays(self.learner, self.state)
 
-    @property
-    def kept(self) -> tuple[int, int]:
-        """Oldest and newest iteration of which own parameters are kept."""
-        return min(self._own), max(self._own)
-
-    def own_parameters(self, iteration: int) -> Parameters | None:
-        """theta(iteration), omega(iteration) of this learner, for a neighbour that missed them."""
-        return self._own.get(iteration)
+    def _restore(self, iteration: int, arrays: Mapping[str, Array]) -> None:
+        self.state = from_arrays(self.learner, iteration, arrays)
 
 
 def longest_lead(schedule: EdgeSchedule) -> int:
@@ -135,5 +95,5 @@ def longest_lead(schedule: EdgeSchedule) -> int:
 
 
 def default_history(schedule: EdgeSchedule) -> int:
-    """Iterations of parameters to keep: 64, or what the schedule needs."""
-    return max(64, longest_lead(schedule) + 1)
+    """Iterations of parameters to keep: 256, or what the schedule needs."""
+    return max(256, longest_lead(schedule) + 1)

@@ -1,5 +1,6 @@
 """Reading demonstrations from rosbag2 MCAP bags: verified when opened, then read through the index."""
 
+import io
 import struct
 import zlib
 from collections import Counter
@@ -8,23 +9,45 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any, NamedTuple, Self, TypeVar
 
-import yaml
+import lz4.frame  # type: ignore[import-untyped]
+import zstandard
 from mabirds_msgs.msg import Demonstration
 from mcap.exceptions import McapError
 from mcap.reader import McapReader, make_reader
-from mcap.records import Channel, Footer, Message
-from mcap.stream_reader import CRCValidationError, StreamReader
+from mcap.records import Channel, Chunk, ChunkIndex, Footer, McapRecord, Message
+from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 from rclpy.serialization import deserialize_message
-from zstandard import ZstdError
 
 from mabirds_core.games.interface import ConstrainedMarkovGame, Trajectories
+from mabirds_core.texts import printable, shortened
+from mabirds_core.yaml_files import read_yaml
 from mabirds_msgs_py.conversion import RefusedMessageError, read_demonstration
 from mabirds_msgs_py.errors import BagError
 from mabirds_msgs_py.interfaces import type_hash, type_name
 from mabirds_msgs_py.topics import bag_topic
 
-DAMAGE = (McapError, CRCValidationError, ZstdError, RuntimeError, struct.error, ValueError, KeyError, EOFError)
+DAMAGE = (
+    McapError,
+    CRCValidationError,
+    zstandard.ZstdError,
+    RuntimeError,
+    struct.error,
+    ValueError,
+    KeyError,
+    EOFError,
+    OverflowError,
+    OSError,
+)
 """What the readers raise on damaged files (lz4: RuntimeError; UnicodeDecodeError is a ValueError)."""
+
+LARGEST_CHUNK = 64 * 2**20
+"""Bytes of a chunk's content: a few compressed bytes can stand for gigabytes. Usual chunks have less than one."""
+
+CHUNK_OVERHEAD = 49
+"""Bytes of a chunk's record beside its data and the name of their compression."""
+
+LONGEST_LIST = 1000
+"""Characters of what an error says about the topics of a file."""
 
 REMEDY = "the file is damaged or was not closed; fetch it again or record it anew"
 
@@ -123,62 +146,129 @@ def _files(directory: Path) -> list[Path]:
     """The bag's MCAP files in order."""
     metadata = directory / "metadata.yaml"
     try:
-        information = yaml.safe_load(metadata.read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
+        information = read_yaml(metadata)["rosbag2_bagfile_information"]
         storage, names = information["storage_identifier"], information["relative_file_paths"]
-        files = [directory / str(name) for name in names]
     except OSError as error:
         raise BagError(f"{metadata}: cannot be read ({error.strerror}); give the directory of a rosbag2 bag") from None
-    except (yaml.YAMLError, UnicodeDecodeError, TypeError, KeyError) as error:
+    except (ValueError, TypeError, KeyError) as error:
         raise BagError(f"{metadata}: is not the metadata of a rosbag2 bag ({error})") from None
     if storage != "mcap":
-        raise BagError(f"{metadata}: storage {storage!r}, expected 'mcap'; convert the bag with `ros2 bag convert`")
-    return files
+        raise BagError(
+            f"{metadata}: storage {shortened(repr(storage))}, expected 'mcap'; convert the bag with `ros2 bag convert`"
+        )
+    if not _are_names(names):
+        raise BagError(
+            f"{metadata}: relative_file_paths {shortened(repr(names))}, expected different names of files beside it"
+        )
+    return [directory / name for name in names]
+
+
+def _are_names(names: Any) -> bool:
+    """A list of different names of files, none of them elsewhere?"""
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        return False
+    return len(set(names)) == len(names) and all(name == Path(name).name and "\0" not in name for name in names)
+
+
+class _BoundedFile(io.BufferedReader):
+    """A file that makes room for no more than it has, whatever length a damaged record claims."""
+
+    def __init__(self, file: Path) -> None:
+        super().__init__(io.FileIO(file))
+        self._size = file.stat().st_size
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """As of every file."""
+        return super().read(size if size is None else min(size, self._size))
 
 
 def _open(file: Path, files: ExitStack) -> McapReader:
     """A reader of a verified file, which ``files`` closes."""
     try:
-        stream = files.enter_context(file.open("rb"))
+        if not (file.is_file() or file.is_dir() or not file.exists()):
+            raise BagError(f"{file}: is no file but a pipe or device; name a bag of files")
+        stream = files.enter_context(_BoundedFile(file))
     except OSError as error:
         raise BagError(f"{file}: cannot be read ({error.strerror})") from None
     _guarded(file, lambda: _verify(file))
-    return make_reader(stream, validate_crcs=True)
+    return _guarded(file, lambda: make_reader(stream, validate_crcs=True))
 
 
 def _verify(file: Path) -> None:
-    """Read the whole file against the checksums of its chunks, data section and summary."""
-    with file.open("rb") as stream:
-        records = StreamReader(stream, validate_crcs=True).records
+    """Read the whole file against the checksums of its chunks, data section and summary, and against its index."""
+    chunks, indexed, footer = list[int](), list[int](), Footer(0, 0, 0)
+    with _BoundedFile(file) as stream:
         # To the very end, past the footer: the closing magic is checked after it.
-        (footer,) = [record for record in records if isinstance(record, Footer)]
+        for record in _records(stream):
+            if isinstance(record, Chunk):
+                chunks.append(stream.tell() - CHUNK_OVERHEAD - len(record.compression) - len(record.data))
+            elif isinstance(record, ChunkIndex):
+                indexed.append(record.chunk_start_offset)
+            elif isinstance(record, Footer):
+                footer = record
         if stream.read(1):
             raise McapError("bytes after the end of the file")
-        if footer.summary_start and footer.summary_crc:
-            stream.seek(footer.summary_start)
-            # The summary's checksum covers everything up to itself: 4 bytes of it and 8 of magic follow.
-            summary = stream.read()[:-12]
-            if zlib.crc32(summary) != footer.summary_crc:
-                raise McapError("the checksum of the summary differs")
+        if indexed and sorted(indexed) != chunks:
+            raise McapError("the index of its chunks differs from its chunks")
+        _verify_summary(stream, footer)
+
+
+def _verify_summary(stream: _BoundedFile, footer: Footer) -> None:
+    if footer.summary_start and footer.summary_crc:
+        stream.seek(footer.summary_start)
+        # The summary's checksum covers everything up to itself: 4 bytes of it and 8 of magic follow.
+        summary = stream.read()[:-12]
+        if zlib.crc32(summary) != footer.summary_crc:
+            raise McapError("the checksum of the summary differs")
+
+
+def _records(stream: _BoundedFile) -> Iterator[McapRecord]:
+    """All records; after each chunk those in it, whose size is looked at before there is room made for them."""
+    for record in StreamReader(stream, emit_chunks=True, validate_crcs=True).records:
+        yield record
+        if isinstance(record, Chunk):
+            if record.uncompressed_size > LARGEST_CHUNK or _declared_size(record) != record.uncompressed_size:
+                raise McapError(f"a chunk of {record.uncompressed_size} bytes that has another size, or is too large")
+            yield from breakup_chunk(record, validate_crc=True)
+
+
+def _declared_size(chunk: Chunk) -> int:
+    """Size of a chunk's content as its compressed data say; where they do not, as the chunk says."""
+    match chunk.compression:
+        case "zstd":
+            size = zstandard.frame_content_size(chunk.data)
+            return chunk.uncompressed_size if size < 0 else size
+        case "lz4":
+            return lz4.frame.get_frame_info(chunk.data)["content_size"] or chunk.uncompressed_size
+        case "":
+            return len(chunk.data)
+    raise McapError(f"compression {shortened(chunk.compression)!r}, expected zstd, lz4 or none")
 
 
 def _guarded(file: Path, read: Callable[[], Result]) -> Result:
     try:
         return read()
     except DAMAGE as error:
-        raise BagError(f"{file}: {error or type(error).__name__}; {_intact(file)}; {REMEDY}") from None
+        raise BagError(f"{file}: {_reason(error)}; {_intact(file)}; {REMEDY}") from None
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, KeyError):  # its text is the key alone
+        return f"{printable(str(error))} is named in it, and is not there"
+    return printable(str(error)) or type(error).__name__
 
 
 def _intact(file: Path) -> str:
     """How far a damaged file can be read: the last intact iteration of each topic."""
     topics, counts = dict[int, str](), Counter[str]()
-    with file.open("rb") as stream, suppress(*DAMAGE):
-        for record in StreamReader(stream, validate_crcs=True).records:
+    with suppress(*DAMAGE), _BoundedFile(file) as stream:
+        for record in _records(stream):
             if isinstance(record, Channel):
                 topics[record.id] = record.topic
             elif isinstance(record, Message):
                 counts[topics[record.channel_id]] += 1
-    intact = [f"topic {topic}: iteration {counts[topic]}" for topic in sorted(counts)]
-    return "intact up to " + (", ".join(intact) or "no iteration of any topic")
+    intact = [f"topic {printable(topic)}: iteration {counts[topic]}" for topic in sorted(counts)]
+    return "intact up to " + (shortened(", ".join(intact), LONGEST_LIST) or "no iteration of any topic")
 
 
 def _check_type(file: Path, topic: str, schema: Any, channel: Any) -> None:
@@ -187,6 +277,7 @@ def _check_type(file: Path, topic: str, schema: Any, channel: Any) -> None:
     found_hash = channel.metadata.get("topic_type_hash", expected_hash)
     if (found, found_hash) != (expected, expected_hash):
         raise BagError(
-            f"{file}: topic {topic}: type {found} ({found_hash}), expected {expected} ({expected_hash});"
+            f"{file}: topic {topic}: type {printable(found)} ({printable(found_hash)}), expected {expected}"
+            f" ({expected_hash});"
             " record the bag anew with this version"
         )

@@ -1,6 +1,7 @@
 """Messages to arrays and back. What does not fit is refused with a named reason, before it reaches an algorithm."""
 
 from array import array
+from typing import Any, get_args
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -9,12 +10,17 @@ from mabirds_msgs.msg import EdgeSchedule as EdgeScheduleMessage
 from mabirds_msgs.msg import Parameters as ParametersMessage
 from numpy.typing import NDArray
 
-from mabirds_core.errors import ImpossibleTrajectoryError, MabirdsError
+from mabirds_core.errors import ImpossibleTrajectoryError, MabirdsError, ScheduleError
 from mabirds_core.games.interface import ConstrainedMarkovGame, Trajectories
-from mabirds_core.parameters import Parameters
-from mabirds_core.schedule import EdgeSchedule
+from mabirds_core.parameters import LARGEST, Parameters
+from mabirds_core.schedule import EdgeSchedule, End, require_size
+from mabirds_core.texts import printable, shortened
+from mabirds_core.weights import Edge
 
 NANOSECONDS = 1_000_000_000
+
+ENDS: tuple[End, ...] = get_args(End)
+"""What may follow the last slot of a schedule; messages do not say which, but the digest depends on it."""
 
 
 class RefusedMessageError(MabirdsError):
@@ -100,32 +106,43 @@ def read_parameters(
     message: ParametersMessage, learner: str, experiment_digest: str, schedule_digest: str, like: Parameters
 ) -> Parameters:
     """theta and omega of a message from ``learner``, of the shapes of ``like``; raises RefusedMessageError."""
+    require_sender(message, learner, experiment_digest, schedule_digest)
+    for name, size in (("theta", like.theta.size), ("omega", like.omega.size)):
+        if len(getattr(message, name)) != size:
+            raise RefusedMessageError("wrong_shape", f"{name}: {len(getattr(message, name))} numbers, expected {size}")
+    return arrays(message)
+
+
+def require_sender(message: Any, learner: str, experiment_digest: str, schedule_digest: str) -> None:
+    """Raise RefusedMessageError unless parameters or a status are from ``learner`` and of this network."""
     _require("wrong_learner", "learner", message.learner, learner)
     _require("wrong_experiment", "experiment digest", message.experiment_digest, experiment_digest)
     _require("wrong_schedule", "schedule digest", message.schedule_digest, schedule_digest)
-    return Parameters(
-        _vector("theta", message.theta, like.theta.size), _vector("omega", message.omega, like.omega.size)
-    )
 
 
 def arrays(message: ParametersMessage) -> Parameters:
-    """theta and omega of any parameters message, unchecked: for showing, not for mixing."""
-    return Parameters(np.frombuffer(message.theta).copy(), np.frombuffer(message.omega).copy())
+    """theta and omega of any sender and of any shapes: for showing. Raises RefusedMessageError for what is no number.
+
+    A learner's own parameters never exceed LARGEST, and no more do means of such.
+    """
+    return Parameters(_vector("theta", message.theta), _vector("omega", message.omega))
 
 
-def _vector(name: str, values: array, size: int) -> NDArray[np.float64]:
-    vector = np.frombuffer(values, dtype=np.float64)
-    if vector.size != size:
-        raise RefusedMessageError("wrong_shape", f"{name}: {vector.size} numbers, expected {size}")
-    if not np.isfinite(vector).all():
-        place = int(np.flatnonzero(~np.isfinite(vector))[0])
-        raise RefusedMessageError("not_finite", f"{name}[{place}] is {vector[place]}, expected a finite number")
-    return vector.copy()
+def _vector(name: str, values: array) -> NDArray[np.float64]:
+    vector = np.frombuffer(values, dtype=np.float64).copy()
+    for reason, bad, expectation in (
+        ("not_finite", ~np.isfinite(vector), "a finite number"),
+        ("too_large", np.abs(vector) > LARGEST, f"at most {LARGEST:g} in absolute value"),
+    ):
+        if bad.any():
+            place = int(np.flatnonzero(bad)[0])
+            raise RefusedMessageError(reason, f"{name}[{place}] is {vector[place]:g}, expected {expectation}")
+    return vector
 
 
 def _require(reason: str, what: str, given: str, expected: str) -> None:
     if given != expected:
-        raise RefusedMessageError(reason, f"{what} {given!r}, expected {expected!r}")
+        raise RefusedMessageError(reason, f"{what} {shortened(given)!r}, expected {expected!r}")
 
 
 def schedule_message(schedule: EdgeSchedule) -> EdgeScheduleMessage:
@@ -136,3 +153,25 @@ def schedule_message(schedule: EdgeSchedule) -> EdgeScheduleMessage:
         array("I", [edge[column] for edge in edges]) for column in range(3)
     )
     return message
+
+
+def read_schedule(message: EdgeScheduleMessage) -> EdgeSchedule:
+    """The schedule in a message, which its digest must confirm; raises RefusedMessageError where it does not."""
+    if not len(message.edge_slot) == len(message.sender) == len(message.receiver):
+        raise RefusedMessageError("wrong_shape", "edge_slot, sender and receiver: expected one number an edge in each")
+    if message.edge_slot and max(message.edge_slot) >= message.slots:
+        raise RefusedMessageError(
+            "impossible_schedule", f"slot {max(message.edge_slot)}, expected less than {message.slots}"
+        )
+    try:
+        require_size(max(1, len(message.learners)), message.slots)
+        slots: list[set[Edge]] = [set() for _ in range(message.slots)]
+        for slot, sender, receiver in zip(message.edge_slot, message.sender, message.receiver, strict=True):
+            slots[slot].add((sender, receiver))
+        candidates = [EdgeSchedule(tuple(message.learners), tuple(map(frozenset, slots)), end) for end in ENDS]
+    except ScheduleError as error:
+        raise RefusedMessageError("impossible_schedule", printable(str(error))) from None
+    found = [schedule for schedule in candidates if schedule.digest == message.digest]
+    if not found:
+        raise RefusedMessageError("wrong_schedule", f"digest {shortened(message.digest)!r} is not that of its content")
+    return found[0]

@@ -1,19 +1,32 @@
-"""What a process must set before it uses ROS from pip wheels."""
+"""What a process must set before it uses ROS from pip wheels, and how it talks to other hosts."""
 
 import os
 import sys
 from collections.abc import MutableMapping
 from pathlib import Path
 
+FASTDDS_PROFILE = Path(__file__).with_name("fastdds_profile.xml")
+"""How Fast DDS sends; docs/operations.md explains it."""
+
+FASTDDS_CHOICES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE", "FASTDDS_BUILTIN_TRANSPORTS")
+"""Environment variables by which users choose Fast DDS's transports: a profile by its old and new name, or by kind."""
+
 
 def prepare_environment(environment: MutableMapping[str, str] = os.environ) -> None:
     """Fill in what pip wheels of ROS leave open; values that the user has set stay.
 
     AMENT_PREFIX_PATH: the wheels install their index under the interpreter's prefix but do not say so.
-    FASTDDS_BUILTIN_TRANSPORTS: shared-memory files of killed processes slow every later discovery down.
+    FASTRTPS_DEFAULT_PROFILES_FILE: the profile beside this file, where the user has made no choice about transports.
+    Its datagrams fit an Ethernet frame: one that does not is lost with any of its fragments, so that large messages
+    hardly get through a link that loses frames. It is used on one host too, where it makes no difference that counts:
+    whether there will be others is not known when a process starts.
+    FASTDDS_BUILTIN_TRANSPORTS: for profiles of the user that leave it open; shared-memory files of killed processes
+    slow every later discovery down.
     HOME: ROS's logging needs a home directory to write to.
     """
     if (Path(sys.prefix) / "share" / "ament_index").is_dir():
         environment.setdefault("AMENT_PREFIX_PATH", sys.prefix)
+    if not any(name in environment for name in FASTDDS_CHOICES):
+        environment["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(FASTDDS_PROFILE)
     environment.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
     environment.setdefault("HOME", str(Path.cwd()))

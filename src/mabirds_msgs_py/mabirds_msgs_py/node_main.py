@@ -13,6 +13,7 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 
 from mabirds_core.errors import MabirdsError
+from mabirds_msgs_py.security import SecurityError, start_ros
 
 EXIT_FINISHED = 0
 EXIT_BAD_INPUT = 2
@@ -31,7 +32,8 @@ IDLE_WAKE_UP = 1.0
 def run_node(create: Callable[[], Node], help_text: str, arguments: Sequence[str] | None = None) -> int:
     """Create one node and spin it until SIGINT, SIGTERM or its attribute ``done``; returns the exit code.
 
-    ``--help`` prints ``help_text``. Bad input is one line on standard error and exit code 2, never a traceback.
+    ``--help`` prints ``help_text``. Bad input, and security that was asked for and is not enforced, is one line on
+    standard error and exit code 2, never a traceback.
     """
     given = sys.argv[1:] if arguments is None else list(arguments)
     if "--help" in given or "-h" in given:
@@ -39,8 +41,8 @@ def run_node(create: Callable[[], Node], help_text: str, arguments: Sequence[str
         return EXIT_FINISHED
     _end_with_supervisor()
     try:
-        rclpy.init(args=given)
-    except RCLError as error:
+        start_ros(given)
+    except (SecurityError, RCLError) as error:
         return _refuse(error)
     try:
         node = create()

@@ -1,6 +1,10 @@
 """QoS profiles, one a kind of topic (docs/operations.md explains the choices)."""
 
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.duration import Duration
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
+
+LEASE = 3.0
+"""Seconds of silence after which the middleware calls a process dead."""
 
 
 def latched(depth: int) -> QoSProfile:
@@ -11,6 +15,14 @@ def latched(depth: int) -> QoSProfile:
         history=HistoryPolicy.KEEP_LAST,
         depth=depth,
     )
+
+
+def announced(depth: int) -> QoSProfile:
+    """``latched``, and the middleware tells within LEASE seconds when the publisher's process is gone."""
+    profile = latched(depth)
+    profile.liveliness = LivelinessPolicy.AUTOMATIC
+    profile.liveliness_lease_duration = Duration(seconds=LEASE)
+    return profile
 
 
 STATUS_QOS = latched(1)

@@ -29,6 +29,11 @@ def text(description: str) -> ParameterDescriptor:
     return ParameterDescriptor(description=description, read_only=True)
 
 
+def flag(description: str) -> ParameterDescriptor:
+    """True or false, fixed at start."""
+    return ParameterDescriptor(description=description, read_only=True)
+
+
 def whole(description: str, lowest: int, highest: int, *, fixed: bool = True) -> ParameterDescriptor:
     """An integer in [lowest, highest]."""
     limits = IntegerRange(from_value=lowest, to_value=highest, step=1)

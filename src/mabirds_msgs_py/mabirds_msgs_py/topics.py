@@ -6,6 +6,16 @@ STATUS = "status"
 EDGE_SCHEDULE = "edge_schedule"
 DIAGNOSTICS = "/diagnostics"
 FETCH_PARAMETERS = "fetch_parameters"
+MEMBERSHIP = "membership"
+
+
+def mass(receiver: str) -> str:
+    """Where a learner in resilient mode tells ``receiver`` what it gave, relative to its own namespace.
+
+    >>> mass("learner_2")
+    'mass/learner_2'
+    """
+    return f"mass/{receiver}"
 
 
 def split_namespace(namespace: str) -> tuple[str, str]:

@@ -18,8 +18,8 @@ from mabirds_bringup.processes import ONE_THREAD
 from mabirds_bringup.verbs.options import Json
 from mabirds_core.experiment import load_experiment
 
-FIRST_SEED = 201
-"""The reported seeds are 201, 202, ...; none of them served to choose settings."""
+FIRST_SEED = 301
+"""The reported seeds are 301, 302, ...; none of them served to choose settings."""
 
 bench_app = typer.Typer(help="Experiments over many seeds, with tables and pictures.")
 
@@ -35,7 +35,7 @@ def discrete(  # noqa: PLR0913, PLR0917 - the options of a command
     hard: Annotated[Path, typer.Option(help="Experiment with many starts.")] = Path(
         "ros_ws/config/discrete_many_starts.yaml"
     ),
-    seeds: Annotated[int, typer.Option(help="Seeds, from 201 on.", min=1, max=1000)] = 5,
+    seeds: Annotated[int, typer.Option(help="Seeds, from 301 on.", min=1, max=1000)] = 5,
     iterations: Annotated[int, typer.Option(help="At most so many, for a quick look.", min=1)] = 1_000_000,
     only: Annotated[
         Literal["main", "variations", "hard"] | None,

@@ -15,7 +15,12 @@ from mabirds_bringup.console import console, guarded_output, print_json
 from mabirds_bringup.inspector import InspectorNode, WatchedLearner, describe, describe_parameters
 from mabirds_bringup.verbs.options import Json
 from mabirds_core.errors import ExperimentError
-from mabirds_learner.session import DEMONSTRATION
+from mabirds_core.texts import printable
+from mabirds_learner.learner_session import DEMONSTRATION
+from mabirds_msgs_py.security import enclave_arguments, start_ros
+
+LONGEST_LINE = 1000
+"""Characters of what is shown of a message."""
 
 
 def inspect(
@@ -30,7 +35,8 @@ def inspect(
     """
     if as_json and not once:
         raise ExperimentError("--json prints one object and needs --once")
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    arguments = ["--ros-args", *enclave_arguments("/inspector")]
+    start_ros(arguments, signal_handler_options=SignalHandlerOptions.NO)
     try:
         with guarded_output() as stdout:
             code = _inspect_once(top, timeout, stdout if as_json else None) if once else _follow(top)
@@ -44,13 +50,13 @@ def _follow(top: int) -> int:
     shown: dict[str, str] = {}
 
     def on_parameters(learner: WatchedLearner) -> None:
-        console.print(f"{learner.namespace} {_parameters_line(describe_parameters(learner, top))}", soft_wrap=True)
+        _print(f"{learner.namespace} {_parameters_line(describe_parameters(learner, top))}")
 
     def on_status(learner: WatchedLearner) -> None:
         line = _status_line(describe(learner, top))
         if shown.get(learner.namespace) != line:
             shown[learner.namespace] = line
-            console.print(f"{learner.namespace} {line}", soft_wrap=True)
+            _print(f"{learner.namespace} {line}")
 
     executor = SingleThreadedExecutor()
     executor.add_node(InspectorNode(on_parameters, on_status))
@@ -78,13 +84,20 @@ def _inspect_once(top: int, timeout: float, json_stream: Any) -> int:
 def _show(learners: dict[str, dict[str, Any]], missing: list[str]) -> None:
     for namespace, content in learners.items():
         if "state" in content:
-            console.print(f"{namespace} {_status_line(content)}", soft_wrap=True)
+            _print(f"{namespace} {_status_line(content)}")
         if "parameters" in content:
-            console.print(f"{namespace} {_parameters_line(content['parameters'])}", soft_wrap=True)
+            _print(f"{namespace} {_parameters_line(content['parameters'])}")
+        if "refused" in content:
+            _print(f"{namespace} refused, since it cannot be shown: {content['refused']}")
     if missing:
-        console.print(f"not found, but in the schedule: {', '.join(missing)}")
+        _print(f"not found, but in the schedule: {', '.join(missing)}")
     if not learners:
         console.print("no learner found; start some, and compare ROS_DOMAIN_ID here and there")
+
+
+def _print(line: str) -> None:
+    """One line, whatever others have put into their messages."""
+    console.print(printable(line, LONGEST_LINE), soft_wrap=True)
 
 
 def _status_line(content: dict[str, Any]) -> str:

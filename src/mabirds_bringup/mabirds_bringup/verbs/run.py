@@ -1,6 +1,7 @@
 """``mabirds run``: the experiment as a network of processes."""
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Self
 
@@ -13,6 +14,7 @@ from mabirds_bringup.live_table import live_table, plain_line
 from mabirds_bringup.monitor import MonitorNode
 from mabirds_bringup.network import Network
 from mabirds_bringup.results import audit, write_results
+from mabirds_bringup.supervisor import Supervisor
 from mabirds_bringup.verbs.options import CentralMethodName, ExperimentFile, Json, RunsDirectory
 from mabirds_core.experiment import Experiment, load_experiment
 
@@ -27,6 +29,9 @@ def run(
         float, typer.Option(help="Demonstrations a second; 0: the recorded timing times --rate.", min=0, max=1e4)
     ] = 0.0,
     method: CentralMethodName = None,
+    restarts: Annotated[
+        int, typer.Option(help="How often a node that died is started again; it goes on where it was.", min=0)
+    ] = 3,
     out: RunsDirectory = Path("runs"),
     as_json: Json = False,
 ) -> None:
@@ -39,11 +44,15 @@ def run(
         directory = run_directory.create(out, experiment.name)
         run_directory.write_manifest(directory, experiment, file, "network")
         start = time.monotonic()
-        network = Network(experiment, file.absolute(), directory, {"rate": rate, "hz": hz}, method=method)
+        network = Network(
+            experiment, file.absolute(), directory, {"rate": rate, "hz": hz}, method=method, restarts=restarts
+        )
         with _Display(experiment, network) as display:
             result = network.run(display.update)
         rounds = experiment.iterations + experiment.closing_rounds
         delivered = None if method else audit(experiment.edge_schedule, result.delivered, rounds)
+        if delivered and result.mass_residual is not None:
+            delivered |= {"late": len(delivered.pop("differences")), "mass_residual": result.mass_residual}
         content = write_results(experiment, result.history, directory, time.monotonic() - start, delivered)
         if as_json:
             print_json(content, stdout)
@@ -67,8 +76,10 @@ class _Display:
         if self._live:
             self._live.stop()
 
-    def update(self, monitor: MonitorNode) -> None:
-        """Show where the learners are, not more often than eyes can follow."""
+    def update(self, monitor: MonitorNode, _: Supervisor, news: Sequence[str]) -> None:
+        """Show where the learners are, not more often than eyes can follow, and at once what died."""
+        for words in news:
+            console.print(words, style="yellow", soft_wrap=True)
         period = 0.25 if self._live else LINE_PERIOD
         if time.monotonic() - self._last < period:
             return

@@ -23,6 +23,10 @@ MOVES = np.array([[-1, 0], [0, 1], [1, 0], [0, -1]])
 """North, east, south, west as (rows, columns)."""
 MOST_PAIRS = 20_000_000
 """Joint state-action pairs that a learner can tabulate: some gigabytes."""
+MOST_FLOAT = 10**300
+"""Larger whole numbers cannot be written as floating-point ones."""
+MOST_VALUES = 200_000_000
+"""Values of joint states at all steps that a policy can keep: 1.6 gigabytes."""
 
 Cell = tuple[int, int]
 
@@ -63,8 +67,9 @@ class PatrolSettings(BaseModel):
 
     @model_validator(mode="after")
     def _cells_fit(self) -> "PatrolSettings":
+        rows = self.rows
         for cell in (*self.goals, *(cell for start in self.starts for cell in start)):
-            self._check_free(cell)
+            _check_free(rows, cell)
         if len(set(self.goals)) != self.n_experts:
             raise ValueError(f"goals {self.goals}: expected a different goal for each expert")
         for start in self.starts:
@@ -74,20 +79,20 @@ class PatrolSettings(BaseModel):
         self._check_size()
         return self
 
-    def _check_free(self, cell: Cell) -> None:
-        rows = self.rows
-        inside = 0 <= cell[0] < len(rows) and 0 <= cell[1] < len(rows[0])
-        if not inside or rows[cell[0]][cell[1]] != ".":
-            raise ValueError(
-                f"cell {cell} as (row, column): expected a free cell of the {len(rows)}x{len(rows[0])} map"
-            )
-
     def _check_size(self) -> None:
-        pairs = (len(self.rows) * len(self.rows[0]) * N_MOVES) ** self.n_experts
+        height, width = len(self.rows), len(self.rows[0])
+        states = (height * width) ** self.n_experts
+        pairs, values = states * N_MOVES**self.n_experts, states * (self.horizon + 2)
+        experts = f"{self.n_experts} experts on a {height}x{width} map make"
         if pairs > MOST_PAIRS:
             raise ValueError(
-                f"{self.n_experts} experts on a {len(self.rows)}x{len(self.rows[0])} map make {pairs:.2g} joint"
-                f" state-action pairs, expected at most {MOST_PAIRS:.2g}; take a smaller map or fewer experts"
+                f"{experts} {min(pairs, MOST_FLOAT):.2g} joint state-action pairs, expected at most {MOST_PAIRS:.2g};"
+                " take a smaller map or fewer experts"
+            )
+        if values > MOST_VALUES:
+            raise ValueError(
+                f"{experts} {states} joint states, {values:.2g} values in {self.horizon + 2} steps, expected at most"
+                f" {MOST_VALUES:.2g}; take a shorter horizon, a smaller map or fewer experts"
             )
 
     def _check_probabilities(self) -> None:
@@ -106,6 +111,12 @@ class PatrolSettings(BaseModel):
     def n_experts(self) -> int:
         """N_E."""
         return len(self.goals)
+
+
+def _check_free(rows: list[str], cell: Cell) -> None:
+    inside = 0 <= cell[0] < len(rows) and 0 <= cell[1] < len(rows[0])
+    if not inside or rows[cell[0]][cell[1]] != ".":
+        raise ValueError(f"cell {cell} as (row, column): expected a free cell of the {len(rows)}x{len(rows[0])} map")
 
 
 class PatrolGame:

@@ -1,5 +1,6 @@
 """What Algorithm 1 asks of a policy and of the finder that makes one from theta and omega."""
 
+from collections.abc import Mapping
 from typing import Protocol
 
 import numpy as np
@@ -26,6 +27,17 @@ class PolicyFinder(Protocol):
 
         ``previous``: the policy of parameters nearby, from which a search may start. ``rng``: for finders that
         sample. Exact finders need neither.
+        """
+        ...
+
+    def remember(self, policy: Policy) -> dict[str, Array]:
+        """What a later search that starts from ``policy`` needs of it, as arrays by name; empty: nothing."""
+        ...
+
+    def recall(self, memory: Mapping[str, Array]) -> Policy | None:
+        """A policy that serves as ``previous`` just as the remembered one did.
+
+        Raises CheckpointError where ``memory`` is of another game or finder.
         """
         ...
 

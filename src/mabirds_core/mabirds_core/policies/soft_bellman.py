@@ -8,6 +8,7 @@ It is the policy of largest discounted causal entropy plus expected reward. A re
 constraint: the action gets probability 0, and a state all of whose actions are blocked has the value -inf.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,6 +54,13 @@ class SoftBellmanFinder:
         """pi(omega, theta)."""
         reward = self.reward_model.table(theta) + self.cost_features.table(omega)
         return soft_bellman_policy(self.game, reward)
+
+    def remember(self, policy: Policy) -> dict[str, Array]:  # noqa: ARG002 - exact from any start
+        """Nothing."""
+        return {}
+
+    def recall(self, memory: Mapping[str, Array]) -> None:
+        """No policy is needed to start from."""
 
 
 def soft_bellman_policy(game: TabularGame, reward: Array) -> SoftBellmanPolicy:

@@ -26,11 +26,13 @@ Memory: T + 2 values a visited state, and nothing of size T S. The dynamics and 
 reward is: reward models and features give whole tables (S, A), asked for once a search.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from mabirds_core.arrays import Array, Indices, Vector
+from mabirds_core.errors import CheckpointError
 from mabirds_core.games.interface import FeatureMap, TabularGame
 from mabirds_core.policies.interface import Policy
 from mabirds_core.policies.occupancy import rollouts
@@ -91,6 +93,18 @@ class SoftQFinder:
             episodes = rollouts(self.game, ExploringPolicy(policy, self.exploration), self.episodes, rng)
             policy = backed_up(self.game, reward, np.union1d(policy.visited, episodes.states))
         return policy
+
+    def remember(self, policy: Policy) -> dict[str, Array]:
+        """The visited states; a search values them anew."""
+        return {"visited": self._known(policy)[:-1].astype(np.float64)}
+
+    def recall(self, memory: Mapping[str, Array]) -> SoftQPolicy:
+        """A policy that knows the visited states and no reward yet."""
+        visited = memory.get("visited", np.empty(0))
+        states = np.append(visited, self.game.n_states).astype(np.int64)
+        if visited.ndim != 1 or (states[:-1] != visited).any() or (np.diff(states) <= 0).any() or states[0] < 0:
+            raise CheckpointError(f"visited states: expected rising numbers of states below {self.game.n_states}")
+        return backed_up(self.game, np.zeros(self.game.successor.shape), states)
 
     def _known(self, previous: Policy | None) -> Indices:
         """What ``SoftQPolicy.visited`` is to begin with."""

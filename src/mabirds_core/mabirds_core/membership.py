@@ -1,0 +1,26 @@
+"""Who takes part: the experiment's learners, until a declaration names fewer of them or names some again."""
+
+from collections.abc import Iterable
+
+from mabirds_core.errors import ScheduleError
+from mabirds_core.schedule import EdgeSchedule, validate
+
+
+def among(schedule: EdgeSchedule, members: Iterable[str]) -> EdgeSchedule:
+    """The schedule with the edges between ``members`` only, in the order of its learners; weights follow from it.
+
+    Raises ScheduleError for a member that is none of the learners, for no member, and where what remains breaks
+    Assumption 2 or 3.
+    """
+    chosen = set(members)
+    if not chosen or not chosen <= set(schedule.learners):
+        raise ScheduleError(f"members {sorted(chosen)}: expected some of the learners {list(schedule.learners)}")
+    names = tuple(name for name in schedule.learners if name in chosen)
+    new = {schedule.learners.index(name): number for number, name in enumerate(names)}
+    slots = tuple(
+        frozenset((new[sender], new[receiver]) for sender, receiver in slot if {sender, receiver} <= new.keys())
+        for slot in schedule.slots
+    )
+    remaining = EdgeSchedule(names, slots, schedule.end)
+    validate(remaining)
+    return remaining

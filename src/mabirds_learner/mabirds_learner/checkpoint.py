@@ -1,0 +1,153 @@
+"""Checkpoints: one safetensors file an iteration, written so that a killed process leaves only whole ones behind.
+
+A file holds the arrays of a session and says in its metadata whose they are. safetensors notices a file cut short;
+a SHA-256 of the arrays notices any other damage. The files of the last iterations stay: the newest is where a
+restarted learner goes on, the older ones answer neighbours that missed something, and each is the newest one's reserve.
+"""
+
+import fcntl
+import hashlib
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from safetensors import SafetensorError, safe_open
+from safetensors.numpy import save
+
+from mabirds_core.arrays import Array
+from mabirds_core.errors import CheckpointError
+
+SUFFIX = ".safetensors"
+UNFINISHED = ".unfinished"
+LOCK = "lock"
+FORMAT = "mabirds-checkpoint-1"
+
+
+@dataclass(frozen=True)
+class Owner:
+    """Whose checkpoints they are: of which learner, in which run of which experiment, with which schedule."""
+
+    learner: str
+    experiment_digest: str
+    schedule_digest: str
+
+
+Checkpoints = dict[int, dict[str, Array]]
+"""Arrays by the iteration before whose update they were written."""
+
+
+class CheckpointStore:
+    """The checkpoints of one learner in a directory of its own; the last ``keep`` iterations stay.
+
+    Raises CheckpointError where the directory cannot be written, or where another process writes to it.
+    """
+
+    def __init__(self, directory: Path, owner: Owner, keep: int) -> None:
+        self.directory, self._owner, self._keep = directory, owner, keep
+        self.refused: list[str] = []
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+            self._lock = os.open(directory / LOCK, os.O_WRONLY | os.O_CREAT)  # held until the process ends, however
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            for file in directory.glob(f"*{UNFINISHED}"):
+                file.unlink()
+        except BlockingIOError:
+            raise CheckpointError(
+                f"{directory}: another process writes its checkpoints here; end the other {owner.learner}, or name"
+                " another directory"
+            ) from None
+        except OSError as error:
+            raise self._unwritable(error) from None
+
+    def close(self) -> None:
+        """Let another process have the directory."""
+        os.close(self._lock)
+
+    def save(self, iteration: int, arrays: Mapping[str, Array]) -> None:
+        """Write one checkpoint: whole and on the disk when this returns, or CheckpointError and nothing changed."""
+        file = self._file(iteration)
+        content = save(
+            {name: np.ascontiguousarray(values) for name, values in arrays.items()}, self._metadata(iteration, arrays)
+        )
+        try:
+            _write_durably(file, content)
+            self._file(iteration - self._keep).unlink(missing_ok=True)
+        except OSError as error:
+            raise self._unwritable(error) from None
+
+    def load(self) -> Checkpoints:
+        """All sound checkpoints by iteration; ``refused`` then says what is wrong with the others.
+
+        Raises CheckpointError where there are files and none is sound: starting anew would overwrite them.
+        """
+        self.refused = []
+        found = dict(sorted(self._sound()))
+        if self.refused and not found:
+            raise CheckpointError(
+                f"{self.directory}: no checkpoint can be used ({self.refused[-1]}); name another directory, or delete"
+                " this one to start anew"
+            )
+        return found
+
+    def _sound(self) -> Iterator[tuple[int, dict[str, Array]]]:
+        for file in sorted(self.directory.glob(f"*{SUFFIX}")):
+            try:
+                yield self._read(file)
+            except CheckpointError as error:
+                self.refused.append(str(error))
+
+    def _read(self, file: Path) -> tuple[int, dict[str, Array]]:
+        """Iteration and arrays of one file; raises CheckpointError naming the file and what is wrong with it."""
+        try:
+            with safe_open(file, framework="numpy") as content:
+                metadata = content.metadata() or {}
+                arrays = {name: content.get_tensor(name) for name in content.keys()}  # noqa: SIM118 - no mapping
+        except (SafetensorError, OSError, ValueError, TypeError) as error:
+            raise CheckpointError(f"{file.name}: is no whole checkpoint ({error})") from None
+        iteration = int(file.stem) if file.stem.isdecimal() else 0
+        for name, expected in self._metadata(iteration, arrays).items():
+            if metadata.get(name) != expected:
+                raise CheckpointError(f"{file.name}: {name} is {metadata.get(name)!r}, expected {expected!r}")
+        return iteration, arrays
+
+    def _metadata(self, iteration: int, arrays: Mapping[str, Array]) -> dict[str, str]:
+        return {
+            "format": FORMAT,
+            "iteration": str(iteration),
+            **asdict(self._owner),
+            "sha256": _fingerprint(arrays),
+        }
+
+    def _file(self, iteration: int) -> Path:
+        return self.directory / f"{iteration:08}{SUFFIX}"
+
+    def _unwritable(self, error: OSError) -> CheckpointError:
+        return CheckpointError(
+            f"{self.directory}: checkpoints cannot be written ({error.strerror}); make room, or name another directory"
+        )
+
+
+def _write_durably(file: Path, content: bytes) -> None:
+    """The old content or the new, never something in between, even if the power fails."""
+    unfinished = file.with_suffix(UNFINISHED)
+    with unfinished.open("wb") as stream:
+        stream.write(content)
+        stream.flush()
+        os.fsync(stream.fileno())
+    unfinished.replace(file)
+    directory = os.open(file.parent, os.O_RDONLY)
+    try:
+        os.fsync(directory)
+    finally:
+        os.close(directory)
+
+
+def _fingerprint(arrays: Mapping[str, Array]) -> str:
+    """SHA-256 of names, types, shapes and content."""
+    total = hashlib.sha256()
+    for name, values in sorted(arrays.items()):
+        total.update(f"{name} {values.dtype.str} {values.shape} ".encode())
+        total.update(np.ascontiguousarray(values).tobytes())
+    return total.hexdigest()

@@ -1,0 +1,45 @@
+"""Who is there: what the liveliness of a learner's parameters topic tells about its process."""
+
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from rclpy.event_handler import SubscriptionEventCallbacks
+
+from mabirds_msgs_py.qos import LEASE
+
+
+class Presence:
+    """Counts the living publishers of each name.
+
+    ``on_change``: called with a name whose publishers have all gone, or of which the first has come back.
+    """
+
+    def __init__(self, on_change: Callable[[str], None] = lambda _: None) -> None:
+        self._on_change = on_change
+        self._alive: dict[str, int] = {}
+        self._doubled_since: dict[str, float] = {}
+
+    def watch(self, name: str) -> SubscriptionEventCallbacks:
+        """Event callbacks for a subscription to a topic of ``name`` with QoS ``announced``."""
+        return SubscriptionEventCallbacks(liveliness=partial(self._on_liveliness, name))
+
+    def _on_liveliness(self, name: str, event: Any) -> None:
+        before, now = self._alive.get(name), event.alive_count
+        self._alive[name] = now
+        if now > 1:
+            self._doubled_since.setdefault(name, time.monotonic())
+        else:
+            self._doubled_since.pop(name, None)
+        if before is not None and (before == 0) != (now == 0):
+            self._on_change(name)
+
+    def is_gone(self, name: str) -> bool:
+        """Was it there, and has nothing been heard of it for LEASE seconds?"""
+        return self._alive.get(name) == 0
+
+    def doubled(self) -> list[str]:
+        """Names that several living processes publish under; not one that was killed and started again just now."""
+        now = time.monotonic()
+        return [name for name, since in self._doubled_since.items() if now - since > 2 * LEASE]

@@ -1,0 +1,192 @@
+"""Security that was asked for is proven before a node starts; otherwise the node does not start.
+
+ROS itself is lenient: where a variable is missing or misspelt it goes on without security and says nothing, and so may
+a middleware that was built without it. So the settings are checked here, and then the middleware is asked for what no
+permissions allow: only one that enforces them refuses.
+"""
+
+import email
+import os
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import rclpy
+from rcl_interfaces.msg import ParameterEvent
+from rclpy._rclpy_pybind11 import RCLError
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.utilities import get_rmw_implementation_identifier
+
+from mabirds_core.errors import MabirdsError
+
+ENABLE = "ROS_SECURITY_ENABLE"
+STRATEGY = "ROS_SECURITY_STRATEGY"
+KEYSTORE = "ROS_SECURITY_KEYSTORE"
+OVERRIDE = "ROS_SECURITY_ENCLAVE_OVERRIDE"
+OPTIONS = ("--enclave", "-e")
+
+FILES = (
+    "identity_ca.cert.pem",
+    "cert.pem",
+    "key.pem",
+    "permissions_ca.cert.pem",
+    "governance.p7s",
+    "permissions.p7s",
+)
+"""What a middleware reads from the directory of an enclave."""
+
+EXPECTED = {
+    "allow_unauthenticated_participants": ("false", "0"),
+    "enable_join_access_control": ("true", "1"),
+    "enable_read_access_control": ("true", "1"),
+    "enable_write_access_control": ("true", "1"),
+    "discovery_protection_kind": ("ENCRYPT", "ENCRYPT_WITH_ORIGIN_AUTHENTICATION"),
+    "data_protection_kind": ("ENCRYPT",),
+}
+"""What every rule of a governance file must say; with others, security can be on and protect nothing."""
+
+FORBIDDEN = "/mabirds_security_probe"
+"""A topic of no policy."""
+
+
+class SecurityError(MabirdsError):
+    """Security cannot be had as it was asked for."""
+
+
+def start_ros(arguments: Sequence[str], **options: Any) -> None:
+    """``rclpy.init``, and the proof that security is enforced where it was asked for.
+
+    Raises SecurityError where it is not; ROS is shut down then.
+    """
+    secured = is_requested(arguments)
+    if secured:
+        check_settings(arguments)
+    rclpy.init(args=list(arguments), **options)
+    try:
+        if secured:
+            prove_enforcement()
+    except SecurityError:
+        rclpy.try_shutdown()
+        raise
+
+
+def enclave_arguments(enclave: str, environment: Mapping[str, str] = os.environ) -> list[str]:
+    """ROS arguments that put a process into its enclave; none where security is off.
+
+    >>> enclave_arguments("/learner_1", {"ROS_SECURITY_ENABLE": "true"}), enclave_arguments("/learner_1", {})
+    (['--enclave', '/learner_1'], [])
+    """
+    return [OPTIONS[0], enclave] if is_requested([], environment) else []
+
+
+def is_requested(arguments: Sequence[str], environment: Mapping[str, str] = os.environ) -> bool:
+    """Is security asked for? Raises SecurityError where it seems so, but ROS would go on without.
+
+    Asking is: any of ROS's security variables, or an enclave among the ``arguments``. ROS_SECURITY_ENABLE=false
+    takes it back.
+    """
+    enable = environment.get(ENABLE, "")
+    if enable in {"true", "false"}:
+        return enable == "true"
+    if enable:
+        raise SecurityError(
+            f"{ENABLE} is {enable!r}, expected true or false: ROS would take it for false and say nothing"
+        )
+    signs = [name for name in (STRATEGY, KEYSTORE, OVERRIDE) if environment.get(name)]
+    signs += [option for option in OPTIONS if option in arguments]
+    if signs:
+        raise SecurityError(
+            f"{', '.join(signs)} given without {ENABLE}: ROS would start without security and say nothing; set"
+            f" {ENABLE}=true, or {ENABLE}=false to do without"
+        )
+    return False
+
+
+def check_settings(arguments: Sequence[str], environment: Mapping[str, str] = os.environ) -> None:
+    """Raise SecurityError unless ROS will insist on security, with a complete enclave and a strict governance."""
+    strategy, keystore = environment.get(STRATEGY, ""), environment.get(KEYSTORE, "")
+    if strategy != "Enforce":
+        raise SecurityError(
+            f"{STRATEGY} is {strategy!r}: ROS would start without security where a file is missing, and say nothing;"
+            f" set {STRATEGY}=Enforce"
+        )
+    if not keystore:
+        raise SecurityError(f"{KEYSTORE} is not set; make a keystore with `mabirds security create` and give its path")
+    directory = Path(keystore, "enclaves", enclave_of(arguments, environment).lstrip("/"))
+    missing = [name for name in FILES if not (directory / name).is_file()]
+    if missing:
+        raise SecurityError(
+            f"{directory}: {', '.join(missing)} missing; choose an enclave of {keystore} by --ros-args --enclave /NAME"
+        )
+    check_governance(directory / "governance.p7s")
+
+
+def enclave_of(arguments: Sequence[str], environment: Mapping[str, str] = os.environ) -> str:
+    """The enclave that ROS will choose.
+
+    >>> enclave_of(["--ros-args", "--enclave", "/learner_1"], {}), enclave_of([], {})
+    ('/learner_1', '/')
+    """
+    given = [value for option, value in pairwise(arguments) if option in OPTIONS]
+    return environment.get(OVERRIDE) or (given[-1] if given else "/")
+
+
+def check_governance(file: Path) -> None:
+    """Raise SecurityError where a rule lets somebody in, or leaves something open, that must not be.
+
+    The signature is the middleware's to check, and it does so when it reads the same file.
+    """
+    message = email.message_from_bytes(file.read_bytes())
+    document = next((part for part in message.walk() if part.get_content_type() == "text/plain"), message)
+    try:
+        root = ET.fromstring(bytes(document.get_payload(decode=True) or b""))  # noqa: S314 - as trusted as the keystore
+    except ET.ParseError as error:
+        raise SecurityError(f"{file}: is no signed governance file ({error}); make the keystore anew") from None
+    for name, allowed in EXPECTED.items():
+        found = [(element.text or "").strip() for element in root.iter(name)] or ["missing"]
+        if wrong := [value for value in found if value not in allowed]:
+            raise SecurityError(f"{file}: {name} is {wrong[0]}, expected {allowed[0]}; make the keystore anew")
+
+
+def prove_enforcement(context: Context | None = None) -> None:
+    """Raise SecurityError unless the middleware refuses what no permissions allow.
+
+    A node is made that publishes what every node publishes, and then one publisher more of the same type. If that one
+    is refused, the middleware has read permissions and enforces them. ``context``: the global one, if None.
+    """
+    middleware = get_rmw_implementation_identifier()
+    try:
+        probe = make_probe(context)
+    except RCLError as error:
+        reason = " ".join(str(error).split())
+        raise SecurityError(
+            f"{middleware} cannot start with security: {reason}; take a ROS installation whose middleware has it, and a"
+            " keystore that was made for this ROS_DOMAIN_ID and is still valid"
+        ) from None
+    try:
+        probe.create_publisher(ParameterEvent, FORBIDDEN, 1)
+    except RCLError:
+        return
+    finally:
+        probe.destroy_node()
+    raise SecurityError(
+        f"security is on, but {middleware} let this process publish {FORBIDDEN}, which no policy allows: it enforces"
+        " nothing, or the permissions of this enclave allow everything; take a ROS installation whose middleware has"
+        " security, and an enclave made by `mabirds security create`"
+    )
+
+
+def make_probe(context: Context | None) -> Node:
+    """A node with nothing but the publisher that no rclpy node goes without."""
+    return Node(
+        "security_probe",
+        context=context,
+        use_global_arguments=False,
+        enable_rosout=False,
+        start_parameter_services=False,
+        parameter_overrides=[Parameter("start_type_description_service", value=False)],
+    )

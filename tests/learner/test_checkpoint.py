@@ -1,0 +1,181 @@
+"""Checkpoints: whole or refused by name, of the right learner and run, and never half written."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mabirds_core.arrays import Array
+from mabirds_core.errors import CheckpointError
+from mabirds_learner.checkpoint import CheckpointStore, Owner
+
+OWNER = Owner("learner_1", "experiment", "schedule")
+
+
+def arrays(iteration: int) -> dict[str, Array]:
+    return {"theta": np.arange(5.0) + iteration, "omega": np.array([-0.0, 1e-300, iteration])}
+
+
+@pytest.fixture
+def directory(tmp_path: Path) -> Path:
+    """Checkpoints of iterations 1 to 6, of which the last 4 stay."""
+    store = CheckpointStore(tmp_path / "learner_1", OWNER, keep=4)
+    for iteration in range(1, 7):
+        store.save(iteration, arrays(iteration))
+    store.close()
+    return tmp_path / "learner_1"
+
+
+def reopened(directory: Path, owner: Owner = OWNER) -> CheckpointStore:
+    return CheckpointStore(directory, owner, keep=4)
+
+
+def test_the_last_iterations_stay_and_come_back_bit_for_bit(directory: Path) -> None:
+    assert sorted(file.name for file in directory.glob("*.safetensors")) == [
+        f"{n:08}.safetensors" for n in (3, 4, 5, 6)
+    ]
+    found = reopened(directory).load()
+    assert list(found) == [3, 4, 5, 6]
+    for iteration, content in found.items():
+        assert {name: values.tobytes() for name, values in content.items()} == {
+            name: values.tobytes() for name, values in arrays(iteration).items()
+        }
+
+
+def test_an_empty_directory_has_none(tmp_path: Path) -> None:
+    assert reopened(tmp_path / "new").load() == {}
+
+
+def cut_short(file: Path) -> None:
+    file.write_bytes(file.read_bytes()[:-3])
+
+
+def emptied(file: Path) -> None:
+    file.write_bytes(b"")
+
+
+def one_bit_flipped(file: Path) -> None:
+    content = bytearray(file.read_bytes())
+    content[-10] ^= 4
+    file.write_bytes(content)
+
+
+def renamed(file: Path) -> None:
+    file.rename(file.with_name("00000099.safetensors"))
+
+
+def not_numbered(file: Path) -> None:
+    file.rename(file.with_name("newest.safetensors"))
+
+
+@pytest.mark.parametrize(
+    ("damage", "words"),
+    [
+        (cut_short, "00000006.safetensors: is no whole checkpoint"),
+        (emptied, "00000006.safetensors: is no whole checkpoint"),
+        (one_bit_flipped, "00000006.safetensors: sha256 is '"),
+        (renamed, "00000099.safetensors: iteration is '6', expected '99'"),
+        (not_numbered, "newest.safetensors: iteration is '6', expected '0'"),
+    ],
+)
+def test_a_damaged_one_is_refused_by_name_and_the_previous_one_used(
+    directory: Path, damage: Callable[[Path], None], words: str
+) -> None:
+    damage(directory / "00000006.safetensors")
+    store = reopened(directory)
+    assert max(store.load()) == 5
+    assert len(store.refused) == 1
+    assert store.refused[0].startswith(words)
+
+
+@pytest.mark.parametrize(
+    ("owner", "words"),
+    [
+        (replace(OWNER, learner="learner_2"), "learner is 'learner_1', expected 'learner_2'"),
+        (replace(OWNER, experiment_digest="other"), "experiment_digest is 'experiment', expected 'other'"),
+        (replace(OWNER, schedule_digest="other"), "schedule_digest is 'schedule', expected 'other'"),
+    ],
+)
+def test_a_directory_of_somebody_else_is_refused_as_a_whole(directory: Path, owner: Owner, words: str) -> None:
+    with pytest.raises(CheckpointError, match="no checkpoint can be used .*name another directory, or delete") as error:
+        reopened(directory, owner).load()
+    assert words in str(error.value)
+    assert reopened(directory.with_name("other"), owner).load() == {}
+
+
+def test_one_of_another_experiment_among_others_is_refused_by_name(directory: Path, tmp_path: Path) -> None:
+    other = CheckpointStore(tmp_path / "other", replace(OWNER, experiment_digest="other"), keep=4)
+    other.save(7, arrays(7))
+    (tmp_path / "other" / "00000007.safetensors").rename(directory / "00000007.safetensors")
+    store = reopened(directory)
+    assert max(store.load()) == 6
+    assert store.refused == ["00000007.safetensors: experiment_digest is 'other', expected 'experiment'"]
+
+
+def test_flipped_bytes_are_noticed_wherever_they_are(directory: Path) -> None:
+    file = directory / "00000006.safetensors"
+    intact, store = file.read_bytes(), reopened(directory)
+    for place in range(0, len(intact), 7):
+        file.write_bytes(intact[:place] + bytes([intact[place] ^ 255]) + intact[place + 1 :])
+        found = store.load().get(6, arrays(6))
+        assert all(values.tobytes() == found[name].tobytes() for name, values in arrays(6).items()), place
+
+
+def test_two_processes_cannot_share_a_directory(directory: Path) -> None:
+    first = reopened(directory)
+    with pytest.raises(CheckpointError, match="another process writes its checkpoints here; end the other learner_1"):
+        reopened(directory)
+    first.close()
+    reopened(directory)
+
+
+def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(CheckpointError, match=r"file/learner_1: checkpoints cannot be written \(Not a directory\)"):
+        reopened(tmp_path / "file" / "learner_1")
+
+
+def test_a_full_disk_is_said_and_leaves_what_was_there(directory: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    store = reopened(directory)
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(CheckpointError, match=r"cannot be written \(No space left on device\); make room"):
+        store.save(7, arrays(7))
+    store.close()
+    assert max(reopened(directory).load()) == 6
+    assert not list(directory.glob("*.unfinished"))
+
+
+WRITER = """
+import sys
+from pathlib import Path
+import numpy as np
+from mabirds_learner.checkpoint import CheckpointStore, Owner
+store = CheckpointStore(Path(sys.argv[1]), Owner("learner_1", "experiment", "schedule"), keep=4)
+for iteration in range(1, 100_000):
+    store.save(iteration, {"theta": np.full(20_000, float(iteration))})
+    print(iteration, flush=True)
+"""
+
+
+@pytest.mark.parametrize("iterations", [1, 7, 23])
+def test_a_killed_writer_leaves_whole_checkpoints_and_never_less_than_it_said(tmp_path: Path, iterations: int) -> None:
+    writer = subprocess.Popen([sys.executable, "-c", WRITER, str(tmp_path)], stdout=subprocess.PIPE, text=True)
+    assert writer.stdout is not None
+    for _ in range(iterations):
+        said = int(writer.stdout.readline())
+    writer.send_signal(signal.SIGKILL)
+    writer.communicate()
+    store = reopened(tmp_path)
+    found = store.load()
+    assert store.refused == []
+    assert max(found) >= said
+    assert (found[max(found)]["theta"] == max(found)).all()

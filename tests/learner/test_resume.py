@@ -1,0 +1,101 @@
+"""A session that goes on from its checkpoint does what it would have done without the interruption."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from identity import bits
+
+from mabirds_core.arrays import Array
+from mabirds_core.assembly import build_game, build_learner
+from mabirds_core.errors import CheckpointError, MabirdsError
+from mabirds_core.experiment import Experiment, load_experiment
+from mabirds_core.games.interface import Trajectories
+from mabirds_core.simulate import History, simulate
+from mabirds_learner.session import StrictSession
+from mabirds_msgs_py.bag_reader import DemonstrationBag
+
+CHANGES: dict[str, dict[str, Any]] = {
+    "as it is": {},
+    "a window of three": {"window": 3},
+    "soft Q-learning": {"policy": {"kind": "soft_q_learning", "episodes": 10, "sweeps": 2}},
+    "a neural reward": {"reward": {"kind": "neural", "hidden": 4}},
+}
+
+
+def new_session(experiment: Experiment) -> StrictSession:
+    return StrictSession(build_learner(experiment, "learner_1"), experiment.iterations, 256, 64)
+
+
+def demonstrations(experiment: Experiment) -> dict[str, list[Trajectories]]:
+    with DemonstrationBag(experiment.demonstrations.bag, build_game(experiment), experiment.learners) as bag:
+        return {name: list(bag.trajectories(name)) for name in experiment.learners}
+
+
+def advance(session: StrictSession, streams: dict[str, list[Trajectories]], expected: History) -> None:
+    """One update with what learner_2 and the player would have sent."""
+    n = session.iteration
+    session.receive_demonstration(n, streams["learner_1"][n - 1])
+    session.receive_parameters(1, n, expected["learner_2"][n - 1])
+    session.step()
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_a_restart_before_every_update_changes_no_bit(make_experiment: Callable[..., Path], change: str) -> None:
+    algorithm = {"steps": {"alpha": 8.0, "beta": 4.0}, "rollouts": 20, **CHANGES[change]}
+    experiment = load_experiment(make_experiment(change={"algorithm": algorithm}))
+    streams = demonstrations(experiment)
+    expected = simulate(experiment, streams)
+    session, checkpoints = new_session(experiment), dict[int, dict[str, Array]]()
+    while not session.finished:
+        advance(session, streams, expected)
+        checkpoints[session.iteration] = {name: values.copy() for name, values in session.arrays().items()}
+        session = new_session(experiment)
+        session.resume(checkpoints)
+        assert bits(session.parameters) == bits(expected["learner_1"][session.iteration - 1])
+        assert session.mixed_from == ["learner_2"]
+        assert {n: bits(own) for n, own in session.kept.items()} == {
+            n: bits(expected["learner_1"][n - 1]) for n in checkpoints
+        }
+
+
+def a_checkpoint(experiment: Experiment) -> dict[str, Array]:
+    session, streams = new_session(experiment), demonstrations(experiment)
+    expected = simulate(experiment, streams)
+    for _ in range(3):
+        advance(session, streams, expected)
+    return session.arrays()
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "words"),
+    [
+        ("theta", np.ones(3), "theta: expected 96 numbers of at most 1e\\+100"),
+        ("omega", np.array([np.nan]), "omega: expected 26 numbers"),
+        ("recent.0.states", np.full((8, 4), 0.5), "states"),
+        ("recent.0.actions", np.ones((2, 2)), "actions: shape \\(2, 2\\), expected \\(8, 2\\)"),
+        ("policy.visited", np.array([3.0, 1.0]), "visited states: expected rising numbers of states below 144"),
+        ("policy.visited", np.array([0.5]), "visited states"),
+        ("policy.visited", np.array([144.0]), "visited states"),
+        ("policy.visited", np.array([-1.0]), "visited states"),
+    ],
+)
+def test_arrays_that_do_not_fit_are_refused(
+    make_experiment: Callable[..., Path], name: str, values: Array, words: str
+) -> None:
+    policy = {"kind": "soft_q_learning", "episodes": 10, "sweeps": 2}
+    algorithm = {"steps": {"alpha": 8.0, "beta": 4.0}, "rollouts": 20, "window": 2, "policy": policy}
+    experiment = load_experiment(make_experiment(change={"algorithm": algorithm}))
+    sound = a_checkpoint(experiment)
+    assert name in sound
+    with pytest.raises(MabirdsError, match=words):
+        new_session(experiment).resume({4: {**sound, name: values}})
+
+
+def test_a_value_too_large_is_refused(experiment: Experiment) -> None:
+    sound = a_checkpoint(experiment)
+    sound["omega"] = sound["omega"] + 1e200
+    with pytest.raises(CheckpointError, match="omega: expected"):
+        new_session(experiment).resume({4: sound})

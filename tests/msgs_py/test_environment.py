@@ -1,0 +1,71 @@
+"""What a process sets before it uses ROS, and what it leaves to the user."""
+
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import pytest
+
+from mabirds_msgs_py.environment import FASTDDS_CHOICES, FASTDDS_PROFILE, prepare_environment
+
+PACKAGE = Path(__file__).resolve().parents[2] / "src" / "mabirds_msgs_py"
+SPACE = {"": "http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"}
+ETHERNET, HEADERS = 1500, 28
+"""Bytes: the largest packet of a frame, and the headers of IP and UDP in it."""
+
+
+def test_an_empty_environment_is_filled_in() -> None:
+    environment: dict[str, str] = {}
+    prepare_environment(environment)
+    assert environment == {
+        "AMENT_PREFIX_PATH": sys.prefix,
+        "FASTRTPS_DEFAULT_PROFILES_FILE": str(FASTDDS_PROFILE),
+        "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4",
+        "HOME": str(Path.cwd()),
+    }
+
+
+@pytest.mark.parametrize("name", FASTDDS_CHOICES)
+def test_transports_that_the_user_chose_stay(name: str) -> None:
+    environment = {name: "chosen"}
+    prepare_environment(environment)
+    assert {name: environment[name] for name in FASTDDS_CHOICES if name in environment} == {
+        "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4",
+        name: "chosen",
+    }
+
+
+def test_a_child_finds_what_its_parent_set() -> None:
+    environment: dict[str, str] = {}
+    prepare_environment(environment)
+    before = dict(environment)
+    prepare_environment(environment)
+    assert environment == before
+
+
+def test_datagrams_of_the_profile_fit_an_ethernet_frame_with_room_for_a_tunnel() -> None:
+    transport = ET.parse(FASTDDS_PROFILE).find(".//transport_descriptor", SPACE)  # noqa: S314 - our own file
+    assert transport is not None
+    assert transport.findtext("type", namespaces=SPACE) == "UDPv4"
+    assert int(transport.findtext("maxMessageSize", "", SPACE)) <= ETHERNET - HEADERS - 60
+
+
+def test_fast_dds_takes_the_profile_without_a_word() -> None:
+    """It says on standard output what it cannot read, and goes on with its defaults."""
+    program = (
+        "from mabirds_msgs_py.environment import prepare_environment\n"
+        "prepare_environment()\n"
+        "import rclpy\n"
+        "rclpy.init(); rclpy.create_node('probe').destroy_node(); rclpy.shutdown()"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=30, check=True)
+    assert done.stdout + done.stderr == ""
+
+
+def test_the_profile_is_installed_with_the_package(tmp_path: Path) -> None:
+    command = [sys.executable, "setup.py", "--quiet", "build", "--build-base", str(tmp_path)]
+    subprocess.run(command, cwd=PACKAGE, capture_output=True, timeout=60, check=True)
+    (installed,) = tmp_path.rglob(FASTDDS_PROFILE.name)
+    assert installed.parent.name == PACKAGE.name
+    assert installed.read_bytes() == FASTDDS_PROFILE.read_bytes()
