@@ -36,8 +36,8 @@ def streams(experiment: Experiment) -> Streams:
         return {name: list(bag.trajectories(name)) for name in experiment.learners}
 
 
-def new_session(experiment: Experiment, name: str, **options: Any) -> ResilientSession:
-    return ResilientSession(build_resilient_learner(experiment, name), experiment.iterations, 256, 64, **options)
+def new_session(experiment: Experiment, name: str, history: int = 64, **options: Any) -> ResilientSession:
+    return ResilientSession(build_resilient_learner(experiment, name), experiment.iterations, 256, history, **options)
 
 
 class LossyNetwork:
@@ -137,9 +137,21 @@ def test_only_a_neighbour_that_is_there_is_waited_for(experiment: Experiment) ->
 
 
 @pytest.mark.parametrize(
-    ("epoch", "iteration", "reason"), [(0, 1, "old_epoch"), (1, 3, "duplicate"), (1, 2, "old_iteration")]
+    ("epoch", "iteration", "reason"),
+    [
+        (0, 1, "old_epoch"),
+        (1, 3, "duplicate"),
+        (1, 2, "old_iteration"),
+        (1, 0, "old_iteration"),
+        (1, 21, "future_iteration"),
+        (1, 2**64 - 1, "future_iteration"),
+        (18, 1, "future_epoch"),
+        (2**32 - 1, 1, "future_epoch"),
+    ],
 )
-def test_what_is_known_is_not_taken_twice(experiment: Experiment, epoch: int, iteration: int, reason: str) -> None:
+def test_what_is_known_or_out_of_reach_is_not_taken(
+    experiment: Experiment, epoch: int, iteration: int, reason: str
+) -> None:
     session = new_session(experiment, "learner_1")
     size = session.state.ledger.own.size
     session.receive_sum("learner_2", 1, 3, RunningSum.zero(size))
@@ -150,11 +162,11 @@ def test_what_is_known_is_not_taken_twice(experiment: Experiment, epoch: int, it
 
 
 def test_old_sums_make_room_for_new_ones(experiment: Experiment) -> None:
-    session = new_session(experiment, "learner_1")
+    session = new_session(experiment, "learner_1", history=5)
     size = session.state.ledger.own.size
-    for n in range(1, 101):
+    for n in range(1, 11):
         session.receive_sum("learner_2", 1, n, RunningSum.zero(size).plus(np.full(size, float(n))))
-    assert sorted(session._inbox["learner_2"]) == list(range(37, 101))
+    assert sorted(session._inbox["learner_2"]) == [6, 7, 8, 9, 10]
 
 
 def test_survivors_go_on_after_a_declared_departure(experiment: Experiment, streams: Streams) -> None:

@@ -88,8 +88,7 @@ class ResilientExchange:
         self.session.set_gone(name, gone=gone)
 
     def on_timer(self) -> None:
-        """Tell again what was given: a message may have been lost for good when nothing follows it."""
-        self.publish()
+        """Nothing: what is missing is in what comes next."""
 
     def _on_mass(self, name: str, message: Mass) -> None:
         node, before = self._node, self.session.joining

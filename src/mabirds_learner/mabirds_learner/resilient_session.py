@@ -27,6 +27,9 @@ from mabirds_msgs_py.conversion import RefusedMessageError
 FIRST_EPOCH = 1
 """The epoch of the experiment's own list of learners."""
 
+EPOCHS_AHEAD = 16
+"""How many declarations others may know of before this learner hears of them."""
+
 MEMBERSHIP = "membership"
 """What a learner waits for that is no member yet."""
 
@@ -113,20 +116,27 @@ class ResilientSession(LearnerSession):
     def receive_sum(self, sender: str, epoch: int, iteration: int, total: RunningSum) -> None:
         """Keep what ``sender`` has given up to an iteration of this epoch, or of one that is not declared here yet.
 
-        Raises RefusedMessageError where it is of an earlier epoch, or contained in what is known.
+        Raises RefusedMessageError where it is of an earlier epoch, contained in what is known, or out of all reach.
         """
-        if epoch < self.epoch:
-            raise RefusedMessageError("old_epoch", f"epoch {epoch}, expected {self.epoch} or later")
+        self._require_news(sender, epoch, iteration)
         known = self._inboxes[epoch][sender]
-        if iteration in known:
-            raise RefusedMessageError("duplicate", f"iteration {iteration} has arrived before")
-        if epoch == self.epoch and iteration <= self._taken_at.get(sender, 0):
-            raise RefusedMessageError("old_iteration", f"iteration {iteration} is contained in what was taken")
         known[iteration] = total
         while len(known) > self._parameter_history:
             del known[min(known)]  # contained in later ones
         if self.joining and epoch == self.epoch:
             self._join()
+
+    def _require_news(self, sender: str, epoch: int, iteration: int) -> None:
+        if not self.epoch <= epoch <= self.epoch + EPOCHS_AHEAD:
+            reason = "old_epoch" if epoch < self.epoch else "future_epoch"
+            raise RefusedMessageError(reason, f"epoch {epoch}, expected {self.epoch} to {self.epoch + EPOCHS_AHEAD}")
+        if iteration > self.last:
+            raise RefusedMessageError("future_iteration", f"iteration {iteration}, expected at most {self.last}")
+        if iteration in self._inboxes[epoch][sender]:
+            raise RefusedMessageError("duplicate", f"iteration {iteration} has arrived before")
+        taken = self._taken_at.get(sender, 0) if epoch == self.epoch else 0
+        if iteration <= taken:
+            raise RefusedMessageError("old_iteration", f"iteration {iteration}, expected more than {taken}, taken last")
 
     def _join(self) -> None:
         """Begin, if what neighbours have given is enough."""
