@@ -166,7 +166,7 @@ def test_the_command_writes_a_report(make_experiment: Callable[..., Path], tmp_p
     assert result.returncode == 0, result.stderr
     content = json.loads(result.stdout)
     assert content == json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
-    assert content["seeds"] == [201, 202]
+    assert content["seeds"] == [301, 302]
     assert {"name", "value", "target", "met"} <= set(content["targets"][0])
     labels = {row["label"] for row in content["results"]}
     assert {
