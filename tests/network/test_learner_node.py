@@ -6,15 +6,17 @@ from typing import Any
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from identity import bits
 from mabirds_msgs.msg import Demonstration, EdgeSchedule, LearnerStatus
 from mabirds_msgs.msg import Parameters as ParametersMessage
 from mabirds_msgs.srv import FetchParameters
 from rclpy.exceptions import InvalidParameterValueException
 
-from mabirds_core.errors import ExperimentError, ScheduleError
+from mabirds_core.errors import CheckpointError, ExperimentError, ScheduleError
 from mabirds_core.experiment import Experiment, load_experiment
 from mabirds_core.parameters import Parameters
 from mabirds_learner.learner_node import LearnerNode
+from mabirds_msgs_py import presence
 from mabirds_msgs_py.bag_reader import DemonstrationBag
 from mabirds_msgs_py.conversion import parameters_message
 from mabirds_msgs_py.qos import STATUS_QOS, announced, latched
@@ -245,3 +247,54 @@ def test_a_learner_that_is_kept_waiting_warns_on_diagnostics(make_experiment: Ca
         nodes.spin_until(lambda: any(status.level == DiagnosticStatus.WARN for status in heard))
     warning = next(status for status in heard if status.level == DiagnosticStatus.WARN)
     assert warning.message == "iteration 1: still waits for learner_2"
+
+
+def test_two_processes_of_one_name_are_noticed(
+    nodes: Any, file: Path, around: Surroundings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(presence, "LEASE", 0.1)
+    node = nodes.learner(file, "learner_1", status_period=0.1)
+    around.neighbour_says(1, node)
+    nodes.spin_until(lambda: around.statuses)
+    nodes.spin_for(0.5)
+    assert "duplicate_name" not in around.last.drop_reasons
+    second = around.node.create_publisher(ParametersMessage, "/learner_2/parameters", announced(8))
+    second.publish(around.neighbours_message(1, node))
+    nodes.spin_until(lambda: "duplicate_name" in around.last.drop_reasons)
+    assert around.last.message == "several processes publish as learner_2; end all but one"
+    around.node.destroy_publisher(second)
+    nodes.spin_until(lambda: not node.presence.doubled())
+
+
+def test_a_learner_goes_on_from_its_checkpoint_and_tells_its_past(
+    nodes: Any, file: Path, around: Surroundings, tmp_path: Path
+) -> None:
+    checkpoints = str(tmp_path / "checkpoints")
+    first = nodes.learner(file, "learner_1", checkpoints=checkpoints)
+    for iteration in (1, 2, 3):
+        around.demonstrate(iteration)
+        around.neighbour_says(iteration, first)
+    nodes.spin_until(lambda: first.session.iteration == 4)
+    with pytest.raises(CheckpointError, match="another process writes its checkpoints here"):
+        nodes.learner(file, "learner_1", checkpoints=checkpoints)
+    nodes.executor.remove_node(first)
+    nodes.all.remove(first)
+    first.destroy_node()
+    newest = tmp_path / "checkpoints" / "00000004.safetensors"
+    newest.write_bytes(newest.read_bytes()[:-1])
+    around.parameters.clear()
+    second = nodes.learner(file, "learner_1", checkpoints=checkpoints)
+    assert second.session.iteration == 3
+    nodes.spin_until(lambda: {message.iteration for message in around.parameters} >= {1, 2, 3})
+    nodes.spin_until(lambda: "resumed at iteration 3; 00000004.safetensors: is no whole" in around.last.message)
+    nodes.spin_until(lambda: second.session.iteration == 4)
+    assert bits(second.session.parameters) == bits(first.session.parameters)
+
+
+def test_checkpoints_of_another_run_are_not_overwritten(nodes: Any, file: Path, tmp_path: Path) -> None:
+    checkpoints = str(tmp_path / "checkpoints")
+    first = nodes.learner(file, "learner_1", checkpoints=checkpoints, run="monday")
+    nodes.all.remove(first)
+    first.destroy_node()
+    with pytest.raises(CheckpointError, match="no checkpoint can be used .*experiment_digest is"):
+        nodes.learner(file, "learner_1", checkpoints=checkpoints, run="tuesday")
