@@ -27,7 +27,7 @@ from mabirds_expert_player.recorder import record
 from mabirds_msgs_py.environment import prepare_environment
 
 PATROL = Path(__file__).resolve().parents[1] / "ros_ws" / "config" / "patrol.yaml"
-SHARED_MEMORY = Path("/dev/shm")  # noqa: S108 - where Fast DDS would put its segments
+SHARED_MEMORY = Path("/dev/shm")  # noqa: S108 - where Fast DDS puts segments and locks of its own, if it may
 
 
 @dataclass
@@ -57,7 +57,7 @@ def experiment_of(learners: int, iterations: int, directory: Path) -> Path:
     content = yaml.safe_load(PATROL.read_text(encoding="utf-8"))
     content["learners"] = [f"learner_{number}" for number in range(1, learners + 1)]
     content["schedule"], content["iterations"] = {"kind": "alternating"}, iterations
-    content["demonstrations"] |= {"bag": "bag", "per_learner": iterations}
+    content["demonstrations"] |= {"bag": "demonstrations", "per_learner": iterations}
     file = directory / "many.yaml"
     file.write_text(yaml.safe_dump(content), encoding="utf-8")
     experiment = load_experiment(file)
