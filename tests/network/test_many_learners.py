@@ -1,4 +1,4 @@
-"""Many learner processes on one machine: a few start at a time, all find each other, learn, and leave nothing behind."""
+"""Many learner processes on one machine: a few start at a time, all find each other and learn, and leave nothing."""
 
 import importlib.util
 from pathlib import Path
