@@ -18,6 +18,7 @@ from mabirds_expert_player.recorder import record
 from mabirds_msgs_py.bag_reader import DemonstrationBag
 from mabirds_msgs_py.environment import prepare_environment
 
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"  # tests do not hear other hosts, nor they the tests
 prepare_environment()
 
 REPOSITORY = Path(__file__).resolve().parents[1]
@@ -34,7 +35,6 @@ def ros_domain(monkeypatch: pytest.MonkeyPatch) -> int:
     """A ROS domain that no other test uses, for this process and its children."""
     domain = next(_domains)
     monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     return domain
 
 

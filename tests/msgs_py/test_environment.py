@@ -7,7 +7,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from mabirds_msgs_py.environment import FASTDDS_CHOICES, FASTDDS_PROFILE, prepare_environment
+from mabirds_msgs_py.environment import FASTDDS_CHOICES, FASTDDS_PROFILE, LOOPBACK_PROFILE, prepare_environment
 
 PACKAGE = Path(__file__).resolve().parents[2] / "src" / "mabirds_msgs_py"
 SPACE = {"": "http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"}
@@ -24,6 +24,26 @@ def test_an_empty_environment_is_filled_in() -> None:
         "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4",
         "HOME": str(Path.cwd()),
     }
+
+
+def test_processes_of_one_host_keep_to_it_without_shared_memory() -> None:
+    environment = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    prepare_environment(environment)
+    assert environment["FASTRTPS_DEFAULT_PROFILES_FILE"] == str(LOOPBACK_PROFILE)
+    assert environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "SUBNET"
+
+
+def test_the_profiles_differ_in_the_addresses_only() -> None:
+    def settings(file: Path) -> list[str]:
+        tree = ET.parse(file)  # noqa: S314 - our own file
+        transport = tree.find(".//transport_descriptor", SPACE)
+        addresses = tree.find(".//interfaceWhiteList", SPACE)
+        if transport is not None and addresses is not None:
+            transport.remove(addresses)
+        return ["".join((node.tag, (node.text or "").strip())) for node in tree.iter()]
+
+    assert settings(LOOPBACK_PROFILE) == settings(FASTDDS_PROFILE)
+    assert "<address>127.0.0.1</address>" in LOOPBACK_PROFILE.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("name", FASTDDS_CHOICES)
@@ -66,6 +86,7 @@ def test_fast_dds_takes_the_profile_without_a_word() -> None:
 def test_the_profile_is_installed_with_the_package(tmp_path: Path) -> None:
     command = [sys.executable, "setup.py", "--quiet", "build", "--build-base", str(tmp_path)]
     subprocess.run(command, cwd=PACKAGE, capture_output=True, timeout=60, check=True)
-    (installed,) = tmp_path.rglob(FASTDDS_PROFILE.name)
-    assert installed.parent.name == PACKAGE.name
-    assert installed.read_bytes() == FASTDDS_PROFILE.read_bytes()
+    for profile in (FASTDDS_PROFILE, LOOPBACK_PROFILE):
+        (installed,) = tmp_path.rglob(profile.name)
+        assert installed.parent.name == PACKAGE.name
+        assert installed.read_bytes() == profile.read_bytes()

@@ -32,6 +32,9 @@ LONGEST_VALUE = 60
 MOST_STEPS = 100_000_000
 """Steps of all trajectories that are rolled out at once: some gigabytes."""
 
+MOST_CHARACTERS = 4 * LARGEST_FILE
+"""Of an experiment's settings as JSON."""
+
 LONGEST_EXPLANATION = 500
 """Characters that say what is wrong with one setting."""
 
@@ -309,8 +312,8 @@ def _json(content: dict[str, Any]) -> str:
     for piece in json.JSONEncoder(default=str).iterencode(content):
         pieces.append(piece)
         size += len(piece)
-        if size > LARGEST_FILE:
-            raise ValueError(f"its settings, with aliases written out, have more than {LARGEST_FILE} characters")
+        if size > MOST_CHARACTERS:
+            raise ValueError(f"its settings, with aliases written out, have more than {MOST_CHARACTERS} characters")
     return "".join(pieces)
 
 

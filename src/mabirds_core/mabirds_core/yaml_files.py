@@ -8,8 +8,8 @@ import yaml
 
 from mabirds_core.texts import shortened
 
-LARGEST_FILE = 4 * 2**20
-"""Bytes of a file."""
+LARGEST_FILE = 2**20
+"""Bytes of a file: some seconds of reading, and a few hundred megabytes, where every second byte is a setting."""
 
 MOST_MERGED = 100_000
 """Settings that the merge keys of a file may stand for."""

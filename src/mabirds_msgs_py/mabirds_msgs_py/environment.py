@@ -8,6 +8,11 @@ from pathlib import Path
 FASTDDS_PROFILE = Path(__file__).with_name("fastdds_profile.xml")
 """How Fast DDS sends; docs/operations.md explains it."""
 
+LOOPBACK_PROFILE = Path(__file__).with_name("fastdds_loopback_profile.xml")
+"""The same, but to and from this host only."""
+
+RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+
 FASTDDS_CHOICES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE", "FASTDDS_BUILTIN_TRANSPORTS")
 """Environment variables by which users choose Fast DDS's transports: a profile by its old and new name, or by kind."""
 
@@ -20,6 +25,9 @@ def prepare_environment(environment: MutableMapping[str, str] = os.environ) -> N
     Its datagrams fit an Ethernet frame: one that does not is lost with any of its fragments, so that large messages
     hardly get through a link that loses frames. It is used on one host too, where it makes no difference that counts:
     whether there will be others is not known when a process starts.
+    ROS_AUTOMATIC_DISCOVERY_RANGE: where it is LOCALHOST, ROS adds shared memory to whatever is set, and killed
+    processes leave locks in it that may keep others from hearing each other. So it becomes SUBNET, and the profile
+    keeps to this host.
     FASTDDS_BUILTIN_TRANSPORTS: for profiles of the user that leave it open; shared-memory files of killed processes
     slow every later discovery down.
     HOME: ROS's logging needs a home directory to write to.
@@ -27,6 +35,9 @@ def prepare_environment(environment: MutableMapping[str, str] = os.environ) -> N
     if (Path(sys.prefix) / "share" / "ament_index").is_dir():
         environment.setdefault("AMENT_PREFIX_PATH", sys.prefix)
     if not any(name in environment for name in FASTDDS_CHOICES):
-        environment["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(FASTDDS_PROFILE)
+        local = environment.get(RANGE, "").upper() == "LOCALHOST"
+        environment["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(LOOPBACK_PROFILE if local else FASTDDS_PROFILE)
+        if local:
+            environment[RANGE] = "SUBNET"
     environment.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
     environment.setdefault("HOME", str(Path.cwd()))

@@ -1,5 +1,6 @@
 """``mabirds inspect``: what the learners of this domain say."""
 
+import os
 import sys
 import time
 from contextlib import suppress
@@ -35,6 +36,7 @@ def inspect(
     """
     if as_json and not once:
         raise ExperimentError("--json prints one object and needs --once")
+    os.environ.setdefault("ROS_SUPER_CLIENT", "TRUE")  # a discovery server tells others what they ask for only
     arguments = ["--ros-args", *enclave_arguments("/inspector")]
     start_ros(arguments, signal_handler_options=SignalHandlerOptions.NO)
     try:
