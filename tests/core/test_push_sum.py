@@ -10,8 +10,8 @@ from experiments import demonstrations, experiment
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mabirds_core.arrays import Array, Vector
 from mabirds_core.algorithm import Learner, LearnerState
+from mabirds_core.arrays import Array, Vector
 from mabirds_core.assembly import build_resilient_learner
 from mabirds_core.errors import ExperimentError
 from mabirds_core.parameters import Parameters, StepSizes
