@@ -11,8 +11,8 @@ from mabirds_learner.diagnostics import learning_diagnostic
 
 
 def session(**changes: Any) -> Any:
-    values = {"iteration": 5, "backlog": 2, "finished": False, "missing_demonstration": False, "waiting": ["learner_2"]}
-    one = SimpleNamespace(**{**values, **changes})
+    values = {"iteration": 5, "lag": 1, "backlog": 2, "finished": False, "missing_demonstration": False}
+    one = SimpleNamespace(**{**values, "waiting": ["learner_2"], **changes})
     one.waiting_for = lambda: one.waiting
     return one
 
@@ -49,6 +49,7 @@ def test_values_name_what_a_person_would_look_for() -> None:
     (status,) = message.status
     assert {value.key: value.value for value in status.values} == {
         "iteration": "5",
+        "lag": "1",
         "backlog": "2",
         "waiting for": "learner_2",
         "weight": "0.5",

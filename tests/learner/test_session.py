@@ -182,3 +182,11 @@ def test_closing_rounds_wait_for_neighbours_and_for_no_demonstration(experiment:
     np.testing.assert_allclose(session.parameters.theta, expected[0], atol=1e-12)
     np.testing.assert_allclose(session.parameters.omega, expected[1], atol=1e-12)
     assert (session.finished, session.waiting_for(), session.ready) == (True, [], False)
+
+
+def test_the_lag_is_how_far_a_neighbour_is_ahead(experiment: Experiment) -> None:
+    target = session(experiment)
+    assert target.lag == 0
+    target.receive_parameters(1, 4, target.state.parameters)
+    target.receive_parameters(1, 1, target.state.parameters)
+    assert target.lag == 3

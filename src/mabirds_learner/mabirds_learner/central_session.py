@@ -27,6 +27,11 @@ class CentralSession(Standing):
         """Demonstrations that arrived and are not learned yet, of all streams."""
         return sum(map(len, self._demonstrations.values()))
 
+    @property
+    def lag(self) -> int:
+        """Nobody else learns."""
+        return 0
+
     def waiting_for(self) -> list[str]:
         """Streams whose demonstration of iteration n is still to come."""
         if self.finished:

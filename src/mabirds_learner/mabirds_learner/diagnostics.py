@@ -25,6 +25,7 @@ def learning_diagnostic(
     waiting_for = session.waiting_for()
     values = {
         "iteration": session.iteration,
+        "lag": session.lag,
         "backlog": session.backlog,
         "waiting for": ", ".join(waiting_for),
         **metrics,

@@ -53,6 +53,11 @@ class LearnerSession(Standing, ABC):
         """Is zeta(n) still to come?"""
         return self.iteration <= self._iterations and self.iteration not in self._demonstrations
 
+    @property
+    @abstractmethod
+    def lag(self) -> int:
+        """How many iterations a neighbour is known to be ahead."""
+
     @abstractmethod
     def missing_neighbours(self) -> list[str]:
         """In-neighbours of E(n) that the update n waits for."""

@@ -35,6 +35,11 @@ class Session(Protocol):
         ...
 
     @property
+    def lag(self) -> int:
+        """How many iterations others are known to be ahead."""
+        ...
+
+    @property
     def missing_demonstration(self) -> bool:
         """Is a demonstration of iteration n still to come?"""
         ...

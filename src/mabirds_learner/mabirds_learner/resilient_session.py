@@ -74,6 +74,11 @@ class ResilientSession(LearnerSession):
         """Are all updates made, or has this learner departed?"""
         return super().finished or (self.epoch > 0 and not self.is_member)
 
+    @property
+    def lag(self) -> int:
+        """How many iterations a neighbour is known to be ahead."""
+        return max((max(0, n - self.iteration) for known in self._inbox.values() for n in known), default=0)
+
     def missing_neighbours(self) -> list[str]:
         """In-neighbours of E(n) of whom nothing of iteration n has come, unless they are waited for no longer."""
         if self.finished or self._not_waited_for == (self.epoch, self.iteration):

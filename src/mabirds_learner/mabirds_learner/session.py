@@ -46,6 +46,11 @@ class StrictSession(LearnerSession):
                 f" iterations ahead; set at least {lead + 1}"
             )
 
+    @property
+    def lag(self) -> int:
+        """How many iterations a neighbour is known to be ahead."""
+        return max((n - self.iteration for known in self._parameters.values() for n in known), default=0)
+
     def missing_neighbours(self) -> list[str]:
         """In-neighbours of E(n) whose parameters of iteration n are still to come."""
         if self.finished:
