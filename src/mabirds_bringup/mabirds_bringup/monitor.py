@@ -40,7 +40,7 @@ class MonitorNode(Node):
     ``names``: who learns, where it is not the experiment's learners. ``parameters[name][n]``, ``statuses[name]``;
     ``presence``: whose process is gone. ``lost``: by name, iterations that were missed and that nobody keeps any more.
     Messages of other runs, and what no learner of the experiment can say, are neither shown nor recorded; ``drops``
-    counts them by reason.
+    counts them by reason, and ``refusals`` says why, of the newest for each reason.
     """
 
     def __init__(
@@ -56,6 +56,7 @@ class MonitorNode(Node):
         self.names = tuple(names or experiment.learners)
         self._admission = Admission(experiment, run, self.names)
         self.drops: Counter[str] = Counter()
+        self.refusals: dict[str, str] = {}
         self.parameters: dict[str, dict[int, Parameters]] = {name: {} for name in self.names}
         self.statuses: dict[str, LearnerStatus] = {}
         self._mixed: dict[str, dict[int, list[str]]] = {name: {} for name in self.names}
@@ -152,6 +153,7 @@ class MonitorNode(Node):
 
     def _drop(self, what: str, error: RefusedMessageError) -> None:
         self.drops[error.reason] += 1
+        self.refusals[error.reason] = f"{what}: {error}"
         if self.drops[error.reason] == 1 and error.reason not in EXPECTED:
             self.get_logger().warning(f"dropped {what}: {error}")
 

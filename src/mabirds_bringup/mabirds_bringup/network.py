@@ -17,6 +17,7 @@ from rclpy.signals import SignalHandlerOptions
 from mabirds_bringup import processes
 from mabirds_bringup.monitor import MonitorNode
 from mabirds_bringup.supervisor import Supervisor
+from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment import Experiment
 from mabirds_core.mixing import ResilientMixing
 from mabirds_core.schedule import Delivered
@@ -28,7 +29,10 @@ PLAYER = "expert_player"
 """Name of the player among the processes."""
 
 GRACE = 5.0
-"""Seconds in which the monitor hears what the player had heard when it left."""
+"""Seconds in which those who stay hear what was said before somebody leaves."""
+
+DIFFERENT = ("wrong_experiment", "wrong_schedule")
+"""Reasons for which a monitor refuses what learners of its own experiment's names say."""
 
 TICK = 0.1
 """Seconds after which the children are looked at, even if no message comes."""
@@ -55,7 +59,8 @@ class Network:
 
     ``player``: parameters of the player, such as rate. ``order``: names in the order in which to start them; the
     network must not depend on it. ``method``: a central method that learns in the learners' place. ``restarts``: how
-    often a node that died is started again.
+    often a node that died is started again. ``only``: the nodes that belong on this host, where others run the rest
+    of the experiment under the same ``run`` name.
     """
 
     experiment: Experiment
@@ -65,6 +70,13 @@ class Network:
     order: Sequence[str] | None = None
     method: str | None = None
     restarts: int = 0
+    only: Sequence[str] = ()
+    shared_run: str = ""
+
+    def __post_init__(self) -> None:
+        """Raise ExperimentError for a node that the experiment does not have."""
+        if strangers := sorted(set(self.only) - {*self.names, PLAYER}):
+            raise ExperimentError(f"--only {strangers[0]}: expected some of {[*self.names, PLAYER]}")
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -75,7 +87,8 @@ class Network:
         """Run until every learner has learned everything.
 
         ``on_tick`` is given the monitor, the supervisor and news of processes that died. Raises ProcessDiedError when
-        a node ends early and may not be started again. All processes are stopped in any case.
+        a node ends early and may not be started again, and ExperimentError when another host of the same run has
+        another experiment. All processes are stopped in any case.
         """
         arguments = ["--ros-args", *enclave_arguments("/monitor")]
         start_ros(arguments, signal_handler_options=SignalHandlerOptions.NO)
@@ -94,6 +107,12 @@ class Network:
                     news = supervisor.look_after(monitor.statuses, is_done)
                     monitor.declare_without(supervisor.given_up())
                     on_tick(monitor, supervisor, news)
+                    if self._difference(monitor):
+                        break
+                if self.only:
+                    _spin_for(GRACE, executor)  # other hosts are to hear the last of this one, too
+                if difference := self._difference(monitor):
+                    raise ExperimentError(difference)
                 return NetworkResult(monitor.history(), monitor.delivered(), monitor.mass_residual())
         finally:
             supervisor.stop()
@@ -107,15 +126,22 @@ class Network:
 
     @cached_property
     def _run(self) -> str:
-        """A name that no other run has."""
-        return f"{self.directory.name}-{secrets.token_hex(4)}"
+        """A name that no other run has, or that of all hosts of this one."""
+        return self.shared_run if self.only else f"{self.directory.name}-{secrets.token_hex(4)}"
+
+    def _difference(self, monitor: MonitorNode) -> str | None:
+        """How another host's experiment differs from this one; of other runs in this domain it may."""
+        for reason in DIFFERENT if self.only else ():
+            if words := monitor.refusals.get(reason):
+                return f"{words}; start all hosts with the same experiment file and the same --run"
+        return None
 
     def _commands(self) -> dict[str, list[str]]:
         """Command lines by name, in the order in which to start them."""
         commands = {name: self._learning_command(name) for name in self.names}
         player = {**self.player, "run": self._run, "central": self.method or ""}
         commands[PLAYER] = processes.player_command(self.file, player)
-        return {name: commands[name] for name in self.order or commands}
+        return {name: commands[name] for name in self.only or self.order or commands}
 
     def _learning_command(self, name: str) -> list[str]:
         if self.method:
@@ -134,6 +160,12 @@ def _spinning() -> Iterator[SingleThreadedExecutor]:
         for node in executor.get_nodes():
             node.destroy_node()
         executor.shutdown()
+
+
+def _spin_for(seconds: float, executor: SingleThreadedExecutor) -> None:
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        executor.spin_once(timeout_sec=TICK)
 
 
 def _hear_out(executor: SingleThreadedExecutor, monitor: MonitorNode) -> bool:

@@ -22,7 +22,7 @@ LINE_PERIOD = 2.0
 """Seconds between two lines of progress where the output is not a terminal."""
 
 
-def run(
+def run(  # noqa: PLR0913, PLR0917 - the options of a command
     file: ExperimentFile,
     rate: Annotated[float, typer.Option(help="Speed, as a multiple of the recorded timing.", min=0.01, max=1e4)] = 1.0,
     hz: Annotated[
@@ -32,6 +32,11 @@ def run(
     restarts: Annotated[
         int, typer.Option(help="How often a node that died is started again; it goes on where it was.", min=0)
     ] = 3,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(help="Start only this learner, or expert_player, on this host; may be given several times."),
+    ] = None,
+    name: Annotated[str, typer.Option("--run", help="With --only: a name that all hosts of the run share.")] = "",
     out: RunsDirectory = Path("runs"),
     as_json: Json = False,
 ) -> None:
@@ -45,7 +50,14 @@ def run(
         run_directory.write_manifest(directory, experiment, file, "network")
         start = time.monotonic()
         network = Network(
-            experiment, file.absolute(), directory, {"rate": rate, "hz": hz}, method=method, restarts=restarts
+            experiment,
+            file.absolute(),
+            directory,
+            {"rate": rate, "hz": hz},
+            method=method,
+            restarts=restarts,
+            only=only or (),
+            shared_run=name,
         )
         with _Display(experiment, network) as display:
             result = network.run(display.update)
@@ -62,12 +74,12 @@ class _Display:
     """A live table on a terminal, a line every LINE_PERIOD seconds elsewhere."""
 
     def __init__(self, experiment: Experiment, network: Network) -> None:
-        self._experiment, self._names = experiment, network.names
+        self._experiment, self._started = experiment, network.only or (*network.names, "the expert player")
         self._live = Live(console=console, refresh_per_second=4, transient=True) if console.is_terminal else None
         self._last = time.monotonic()
 
     def __enter__(self) -> Self:
-        console.print(f"starting {', '.join(self._names)} and the expert player", soft_wrap=True)
+        console.print(f"starting {', '.join(self._started)}", soft_wrap=True)
         if self._live:
             self._live.start()
         return self
