@@ -1,7 +1,8 @@
 """Keystores, enforced by a real implementation of DDS Security.
 
 The ROS wheels come without one, so these tests need Fast DDS 2 with security and its headers (Debian and Ubuntu: the
-package libfastrtps-dev), where the compiler finds them: CPATH, LIBRARY_PATH and LD_LIBRARY_PATH name other places.
+package libfastrtps-dev), where the compiler finds them, or below the directory that MABIRDS_FAST_DDS names
+(tools/fetch_fast_dds.sh fills one).
 """
 
 import os
@@ -32,6 +33,18 @@ VALIDITY = Validity(NOW - timedelta(days=1), NOW + timedelta(days=1))
 LINE = {"kind": "slots", "slots": [[["learner_1", "learner_2"], ["learner_2", "learner_3"]]], "undirected": True}
 
 Peer = Callable[..., list[str]]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def fast_dds() -> Iterator[None]:
+    """Let compiler and loader look below MABIRDS_FAST_DDS, in these tests only: ROS has a Fast DDS of its own."""
+    with pytest.MonkeyPatch.context() as patch:
+        if prefix := os.environ.get("MABIRDS_FAST_DDS"):
+            places = [str(place) for place in Path(prefix).glob("usr/lib/*-linux-gnu")]
+            headers = [str(place) for place in (Path(prefix) / "usr/include", *Path(prefix).glob("usr/include/*-gnu"))]
+            for name, found in (("CPATH", headers), ("LIBRARY_PATH", places), ("LD_LIBRARY_PATH", places)):
+                patch.setenv(name, os.pathsep.join(found), prepend=os.pathsep)
+        yield
 
 
 @pytest.fixture(scope="module")
