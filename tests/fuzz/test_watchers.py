@@ -1,0 +1,178 @@
+"""Monitor and inspector: what they believe, and how they show what others say."""
+
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from harness import NODES, few, sent_to
+from hypothesis import given
+from hypothesis import strategies as st
+from junk import made_up, spoil, spoiled
+from mabirds_msgs.msg import EdgeSchedule, LearnerStatus
+from mabirds_msgs.msg import Parameters as ParametersMessage
+from truth import Truth, bits
+
+from mabirds_bringup.inspector import InspectorNode, describe
+from mabirds_bringup.live_table import plain_line
+from mabirds_bringup.monitor import MonitorNode
+from mabirds_bringup.results import audit
+from mabirds_bringup.verbs.inspect import _status_line
+from mabirds_core.texts import printable
+from mabirds_msgs_py.bag_writer import BagWriter
+
+
+@pytest.fixture
+def monitor(truth: Truth, nodes: Any, tmp_path: Path) -> Iterator[MonitorNode]:
+    with BagWriter(tmp_path / "recording") as recording:
+        yield nodes.add(MonitorNode(truth.experiment, recording, context=nodes.context))
+
+
+def heard(monitor: MonitorNode) -> dict[str, list[tuple[bytes, bytes]]]:
+    return {name: [bits(one) for one in history] for name, history in monitor.history().items()}
+
+
+def shown(truth: Truth, monitor: MonitorNode) -> None:
+    """Whatever a run does with what its monitor heard."""
+    monitor.consensus()
+    audit(truth.experiment.edge_schedule, monitor.delivered(), truth.experiment.iterations)
+    line = plain_line(truth.experiment, monitor)
+    assert len(line) < 10_000
+    assert line.isprintable()
+
+
+@NODES
+def test_a_monitor_believes_only_what_learners_can_have_said(truth: Truth, monitor: MonitorNode, count: int) -> None:
+    numbers = range(1, truth.experiment.iterations + 2)
+    true = [(name, truth.parameters(name, n)) for name in truth.experiment.learners for n in numbers]
+    for name, message in true:
+        sent_to(monitor, f"/{name}/parameters", message)
+    expected = heard(monitor)
+    assert expected == {name: [bits(one) for one in history] for name, history in truth.history.items()}
+
+    @few(count * 10)
+    @given(
+        st.one_of(spoiled(lambda: truth.parameters("learner_1", 3)), made_up(ParametersMessage)),
+        st.one_of(spoiled(lambda: truth.status("learner_1", iteration=3)), made_up(LearnerStatus)),
+        st.one_of(spoiled(truth.schedule), made_up(EdgeSchedule)),
+    )
+    def check(parameters: ParametersMessage, status: LearnerStatus, schedule: EdgeSchedule) -> None:
+        sent_to(monitor, "/learner_1/parameters", parameters)
+        sent_to(monitor, "/learner_1/status", status)
+        sent_to(monitor, "/learner_1/edge_schedule", schedule)
+        assert heard(monitor) == expected
+        shown(truth, monitor)
+
+    check()
+
+
+@pytest.mark.parametrize(
+    ("lies", "reason", "text"),
+    [
+        ({"learner": "learner_2"}, "wrong_learner", "status of learner_1: learner 'learner_2', expected 'learner_1'"),
+        ({"mixed_from": ["nobody"]}, "impossible_status", "mixed_from ['nobody']: no learner of this experiment"),
+        ({"mixed_from": ["x" * 99_999]}, "impossible_status", "... (100003 characters): no learner"),
+        ({"iteration": 2**64 - 1}, "impossible_status", "iteration 18446744073709551615: no learner of this"),
+        ({"iteration": 0}, "impossible_status", "iteration 0: no learner of this experiment says that"),
+        ({"last_demonstration": 7}, "impossible_status", "last_demonstration 7: no learner of this experiment"),
+        ({"experiment_digest": "other"}, "wrong_experiment", ""),
+        ({"schedule_digest": "other"}, "wrong_schedule", ""),
+    ],
+)
+def test_statuses_that_lie_are_not_shown(
+    truth: Truth, monitor: MonitorNode, capfd: pytest.CaptureFixture[str], lies: dict[str, Any], reason: str, text: str
+) -> None:
+    """What belongs to another run is counted and no word is said about it."""
+    for _ in range(3):
+        sent_to(monitor, "/learner_1/status", truth.status("learner_1", **lies))
+    assert monitor.statuses == {}
+    assert monitor.drops == {reason: 3}
+    output = "".join(capfd.readouterr())
+    assert output.count("dropped status of learner_1: ") == bool(text)
+    assert text in output
+    shown(truth, monitor)
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"theta": [1.0]}, "wrong_shape"),
+        ({"omega": [float("nan")] * 26}, "not_finite"),
+        ({"omega": [1e200] * 26}, "too_large"),
+        ({"iteration": 8}, "future_iteration"),
+        ({"iteration": 0}, "old_iteration"),
+        ({"omega": [1.0] * 26}, "conflict"),
+        ({}, "duplicate"),
+    ],
+)
+def test_parameters_that_do_not_fit_are_not_shown(
+    truth: Truth, monitor: MonitorNode, changes: dict[str, Any], reason: str
+) -> None:
+    """The first of an iteration stays: results are not those of an intruder who came later."""
+    sent_to(monitor, "/learner_1/parameters", truth.parameters("learner_1", 1))
+    sent_to(monitor, "/learner_1/parameters", spoil(truth.parameters("learner_1", 1), **changes))
+    assert monitor.drops == {reason: 1}
+    assert heard(monitor)["learner_1"] == [bits(truth.history["learner_1"][0])]
+
+
+def test_a_time_before_all_times_is_recorded_as_the_first(truth: Truth, monitor: MonitorNode) -> None:
+    message = truth.parameters("learner_1", 1)
+    message.stamp.sec = -5
+    sent_to(monitor, "/learner_1/parameters", message)
+    assert monitor.drops == {}
+    assert len(heard(monitor)["learner_1"]) == 1
+
+
+def test_words_of_others_steer_no_terminal(truth: Truth, monitor: MonitorNode) -> None:
+    words = ["\n\x1b[2J", *["x" * 1000] * 1000]
+    sent_to(monitor, "/learner_1/status", truth.status("learner_1", waiting_for=words, drop_reasons=words))
+    shown(truth, monitor)
+    assert "\\n\\x1b[2J, xxx" in plain_line(truth.experiment, monitor)
+
+
+def test_a_schedule_of_somebody_else_is_not_recorded(truth: Truth, monitor: MonitorNode) -> None:
+    sent_to(monitor, "/learner_1/edge_schedule", spoil(truth.schedule(), slots=2))
+    sent_to(monitor, "/learner_1/edge_schedule", truth.schedule())
+    assert monitor.drops == {"wrong_schedule": 1}
+
+
+@NODES
+def test_an_inspector_shows_messages_of_any_content(truth: Truth, nodes: Any, count: int) -> None:
+    """As JSON that every reader takes, and in lines that fit and steer no terminal."""
+    inspector = nodes.add(InspectorNode(context=nodes.context))
+    inspector._watch("/learner_1")
+    learner = inspector.learners["/learner_1"]
+    learner.feature_names = ("only one",)
+
+    @few(count * 10)
+    @given(
+        st.one_of(spoiled(lambda: truth.parameters("learner_1", 3)), made_up(ParametersMessage)),
+        st.one_of(spoiled(lambda: truth.status("learner_1", iteration=3)), made_up(LearnerStatus)),
+        st.one_of(spoiled(truth.schedule), made_up(EdgeSchedule)),
+    )
+    def check(parameters: ParametersMessage, status: LearnerStatus, schedule: EdgeSchedule) -> None:
+        sent_to(inspector, "/learner_1/parameters", parameters)
+        sent_to(inspector, "/learner_1/status", status)
+        sent_to(inspector, "/learner_1/edge_schedule", schedule)
+        content = describe(learner, top=3)
+        assert json.dumps(content, allow_nan=False)
+        line = printable(_status_line(content), 1000)
+        assert len(line) < 20_000
+        assert line.isprintable()
+        assert set(inspector.missing()) <= {"learner_2"}
+
+    check()
+
+
+def test_what_cannot_be_shown_is_counted(truth: Truth, nodes: Any) -> None:
+    inspector = nodes.add(InspectorNode(context=nodes.context))
+    inspector._watch("/learner_1")
+    sent_to(inspector, "/learner_1/parameters", spoil(truth.parameters("learner_1", 1), omega=[math.nan]))
+    sent_to(inspector, "/learner_1/parameters", spoil(truth.parameters("learner_1", 1), omega=[1e200]))
+    sent_to(inspector, "/learner_1/edge_schedule", spoil(truth.schedule(), learners=["intruder", "other"]))
+    content = describe(inspector.learners["/learner_1"], top=3)
+    assert content["refused"] == {"not_finite": 1, "too_large": 1, "wrong_schedule": 1}
+    assert "parameters" not in content
+    assert inspector.missing() == []
