@@ -1,17 +1,14 @@
 """Fixtures of the fuzz tests: true messages of a small network, and nodes in this process."""
 
 import importlib.util
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from truth import Truth, truth_of
 
 HERE = Path(__file__).parent
-sys.path.insert(0, str(HERE))  # its helpers: damage, junk, truth
-
-from truth import Truth, truth_of  # noqa: E402 - found by the line above
 
 
 def _network_fixtures() -> Any:

@@ -223,6 +223,7 @@ def test_a_newcomer_enters_without_mass_at_the_iteration_of_the_others(
         (1, ["learner_1"], "conflict", "epoch 1 has begun with other members"),
         (1, list(NAMES), "old_epoch", "epoch 1, expected more than 1"),
         (0, ["learner_1"], "old_epoch", "epoch 0, expected more than 1"),
+        (2**32 - 1, ["learner_1"], "future_epoch", "epoch 4294967295, expected at most 17"),
         (2, ["learner_1", "learner_3"], "impossible_schedule", "nothing that learner_1 knows ever reaches learner_3"),
         (2, ["learner_1", "nobody"], "impossible_schedule", "expected some of the learners"),
         (2, [], "impossible_schedule", "expected some of the learners"),

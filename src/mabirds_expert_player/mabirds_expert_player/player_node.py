@@ -28,7 +28,7 @@ from mabirds_msgs_py.bag_reader import DemonstrationBag
 from mabirds_msgs_py.conversion import NANOSECONDS, time_message
 from mabirds_msgs_py.environment import prepare_environment
 from mabirds_msgs_py.node_main import run_node
-from mabirds_msgs_py.qos import STATUS_QOS, latched
+from mabirds_msgs_py.qos import latched
 from mabirds_msgs_py.ros_parameters import declare_experiment, experiment_of, real, text, whole
 
 PATIENCE = 2.0
@@ -38,6 +38,9 @@ And until statuses that contradict each other are believed to be a learner's or 
 
 IDLE = 3600.0
 """Seconds between two looks while nothing can become due by itself."""
+
+STATUS_DEPTH = 10
+"""Statuses of a learner that wait to be read; one would be hidden by those of a namesake in another run."""
 
 HISTORY = 256
 """Depth of the demonstration topics: what a late joiner still gets."""
@@ -97,7 +100,7 @@ class ExpertPlayerNode(Node):
     def _connect(self, learner: str) -> Any:
         acknowledging = self._value("central") or learner
         self.create_subscription(
-            LearnerStatus, f"{acknowledging}/{topics.STATUS}", partial(self._on_status, learner), STATUS_QOS
+            LearnerStatus, f"{acknowledging}/{topics.STATUS}", partial(self._on_status, learner), latched(STATUS_DEPTH)
         )
         return self.create_publisher(Demonstration, f"{learner}/{topics.DEMONSTRATION}", latched(HISTORY))
 

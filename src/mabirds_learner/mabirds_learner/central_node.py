@@ -46,7 +46,8 @@ class CentralNode(ProgressNode):
             self.session.receive_demonstration(learner, message.iteration, trajectory)
         except RefusedMessageError as error:
             self.drop(f"{topics.DEMONSTRATION} {message.iteration} of {learner}", error)
-        self.go_on()
+        else:
+            self.go_on()
 
 
 HELP = """Run a central method on the demonstrations of all learners.

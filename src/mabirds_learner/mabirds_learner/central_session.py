@@ -50,7 +50,8 @@ class CentralSession(Standing):
 
     def receive_demonstration(self, stream: str, iteration: int, trajectory: Trajectories) -> None:
         """Keep zeta(iteration) of a stream. Raises RefusedMessageError where it is old, known, or too far ahead."""
-        accept(iteration, self.iteration, self._demonstrations[stream], self._history)
+        ahead = min(self._history, self.last + 1 - self.iteration)
+        accept(iteration, self.iteration, self._demonstrations[stream], ahead, trajectory)
         self._demonstrations[stream][iteration] = trajectory
 
     def step(self) -> dict[str, float]:

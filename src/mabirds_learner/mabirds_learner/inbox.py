@@ -10,9 +10,7 @@ from mabirds_msgs_py.conversion import RefusedMessageError
 Content = Trajectories | Parameters
 
 
-def accept(
-    iteration: int, current: int, known: Mapping[int, Any], history: int, content: Content | None = None
-) -> None:
+def accept(iteration: int, current: int, known: Mapping[int, Any], history: int, content: Content) -> None:
     """Raise RefusedMessageError unless ``iteration`` is new and in [current, current + history).
 
     ``known``: what is kept, by iteration. The first message of an iteration stays; a later one is a harmless
@@ -21,7 +19,7 @@ def accept(
     """
     if iteration < current:
         raise RefusedMessageError("old_iteration", f"iteration {iteration}, expected {current} or later")
-    if iteration in known and (content is None or _same(known[iteration], content)):
+    if iteration in known and _same(known[iteration], content):
         raise RefusedMessageError("duplicate", f"iteration {iteration} has arrived before")
     if iteration in known:
         raise RefusedMessageError(

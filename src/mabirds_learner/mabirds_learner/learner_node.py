@@ -100,7 +100,8 @@ class LearnerNode(ProgressNode):
             self.session.receive_demonstration(message.iteration, trajectory)
         except RefusedMessageError as error:
             self.drop(f"{topics.DEMONSTRATION} {message.iteration}", error)
-        self.go_on()
+        else:
+            self.go_on()
 
     def _on_presence(self, name: str) -> None:
         gone = self.presence.is_gone(name)

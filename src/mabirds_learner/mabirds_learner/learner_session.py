@@ -73,7 +73,8 @@ class LearnerSession(Standing, ABC):
 
     def receive_demonstration(self, iteration: int, trajectory: Trajectories) -> None:
         """Keep zeta(iteration). Raises RefusedMessageError where it is old, known, or too far ahead."""
-        accept(iteration, self.iteration, self._demonstrations, self._demonstration_history, trajectory)
+        ahead = min(self._demonstration_history, self._iterations + 1 - self.iteration)
+        accept(iteration, self.iteration, self._demonstrations, ahead, trajectory)
         self._demonstrations[iteration] = trajectory
 
     @abstractmethod

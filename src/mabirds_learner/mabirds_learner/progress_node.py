@@ -84,7 +84,10 @@ class ProgressNode(Node):
             self.get_logger().info(words)
 
     def drop(self, what: str, error: RefusedMessageError) -> None:
-        """Count a message that is not used, and say why unless that is harmless."""
+        """Count a message that is not used, and say why unless that is harmless.
+
+        The next regular status tells of it: a flood of such messages must not become a flood of statuses.
+        """
         if error.reason in HARMLESS:
             self._drops[error.reason] += 1
         else:

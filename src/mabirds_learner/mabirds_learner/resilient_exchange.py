@@ -98,6 +98,7 @@ class ResilientExchange:
             self.session.receive_sum(name, message.epoch, message.iteration, total)
         except RefusedMessageError as error:
             node.drop(f"mass {message.iteration} of {name}", error)
+            return
         if before and not self.session.joining:
             self._start_anew(f"joined at iteration {self.session.iteration}")
         self._watch_the_time()

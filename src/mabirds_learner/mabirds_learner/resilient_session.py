@@ -168,6 +168,8 @@ class ResilientSession(LearnerSession):
         """Begin an epoch; raises RefusedMessageError where it is not new, or its members cannot learn together."""
         if epoch < self.epoch or (epoch == self.epoch and set(members) == set(self.members)):
             raise RefusedMessageError("old_epoch", f"epoch {epoch}, expected more than {self.epoch}")
+        if epoch > self.epoch + EPOCHS_AHEAD:
+            raise RefusedMessageError("future_epoch", f"epoch {epoch}, expected at most {self.epoch + EPOCHS_AHEAD}")
         if epoch == self.epoch:
             raise RefusedMessageError("conflict", f"epoch {epoch} has begun with other members, {list(self.members)}")
         try:

@@ -66,7 +66,7 @@ class StrictSession(LearnerSession):
 
         Raises RefusedMessageError where they are old, known, or too far ahead.
         """
-        if iteration < 1 or neighbour not in self._scheduled(iteration):
+        if iteration >= 1 and neighbour not in self._scheduled(iteration):
             return
         accept(iteration, self.iteration, self._parameters[neighbour], self._parameter_history, parameters)
         self._parameters[neighbour][iteration] = parameters

@@ -8,6 +8,7 @@ from mabirds_msgs.srv import FetchParameters
 from rclpy.client import Client
 
 from mabirds_core.assembly import build_learner
+from mabirds_core.texts import printable
 from mabirds_learner.session import StrictSession
 from mabirds_msgs_py import topics
 from mabirds_msgs_py.conversion import RefusedMessageError, read_parameters
@@ -62,7 +63,8 @@ class StrictExchange:
             self.session.receive_parameters(neighbour, message.iteration, parameters)
         except RefusedMessageError as error:
             node.drop(f"{topics.PARAMETERS} {message.iteration} of {name}", error)
-        node.go_on()
+        else:
+            node.go_on()
 
     def on_timer(self) -> None:
         """Ask again for what has been missing since the last time."""
@@ -80,4 +82,4 @@ class StrictExchange:
         if response.found:
             self._on_parameters(self._node.schedule.learners.index(name), response.parameters)
         else:
-            self._node.say(f"iteration {self.session.iteration} is missing: {response.message}", log=False)
+            self._node.say(f"iteration {self.session.iteration} is missing: {printable(response.message)}", log=False)
