@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from mabirds_core.digest import digest
 from mabirds_core.errors import ExperimentError, MabirdsError
@@ -23,6 +23,7 @@ from mabirds_core.gradient import RolloutStart
 from mabirds_core.mixing import MixingSettings, StrictMixing
 from mabirds_core.parameters import StepSizes
 from mabirds_core.schedule import EdgeSchedule, End, both_ways, validate
+from mabirds_core.settings import Settings
 from mabirds_core.texts import printable, shortened
 from mabirds_core.yaml_files import LARGEST_FILE, read_yaml
 
@@ -47,17 +48,13 @@ RESERVED_NAMES = {"expert_player", "demonstration"}
 LearnerName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=60)]
 
 
-class _Settings(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class LinearRewardSettings(_Settings):
+class LinearRewardSettings(Settings):
     """r_theta = theta^T f."""
 
     kind: Literal["linear"] = "linear"
 
 
-class NeuralRewardSettings(_Settings):
+class NeuralRewardSettings(Settings):
     """r_theta of a small network, |r_theta| <= bound."""
 
     kind: Literal["neural"]
@@ -65,13 +62,13 @@ class NeuralRewardSettings(_Settings):
     bound: float = Field(10.0, gt=0, le=1000, description="C: no reward is larger in absolute value")
 
 
-class SoftValueIterationSettings(_Settings):
+class SoftValueIterationSettings(Settings):
     """The exact policy, by enumerating the game."""
 
     kind: Literal["soft_value_iteration"] = "soft_value_iteration"
 
 
-class SoftQSettings(_Settings):
+class SoftQSettings(Settings):
     """A policy learned from episodes, starting from that of the iteration before."""
 
     kind: Literal["soft_q_learning"]
@@ -80,7 +77,7 @@ class SoftQSettings(_Settings):
     exploration: float = Field(0.2, ge=0, le=1, description="share of actions drawn uniformly")
 
 
-class AlgorithmSettings(_Settings):
+class AlgorithmSettings(Settings):
     """Algorithm 1's settings."""
 
     steps: StepSizes
@@ -96,7 +93,7 @@ class AlgorithmSettings(_Settings):
     )
 
 
-class FtlSettings(_Settings):
+class FtlSettings(Settings):
     """Follow the leader."""
 
     steps: StepSizes | None = Field(None, description="step sizes; default: the algorithm's")
@@ -104,7 +101,7 @@ class FtlSettings(_Settings):
     most_steps: int = Field(50, ge=1, le=100_000, description="gradient steps an iteration")
 
 
-class DlmSettings(_Settings):
+class DlmSettings(Settings):
     """The double loop."""
 
     steps: StepSizes | None = Field(None, description="step sizes; default: the algorithm's")
@@ -113,13 +110,13 @@ class DlmSettings(_Settings):
     window: int = Field(10, ge=1, le=1000, description="l: iterations whose demonstrations make a loss")
 
 
-class MeGreedySettings(_Settings):
+class MeGreedySettings(Settings):
     """Maximum-likelihood constraint inference with the true reward given."""
 
     least_mass: float = Field(0.01, gt=0, lt=1, description="probability that a new constraint must remove")
 
 
-class BaselineSettings(_Settings):
+class BaselineSettings(Settings):
     """The central methods that the experiment is compared with. BICS takes the settings of the algorithm."""
 
     ftl: FtlSettings = FtlSettings()
@@ -127,7 +124,7 @@ class BaselineSettings(_Settings):
     me_greedy: MeGreedySettings = MeGreedySettings()
 
 
-class StaticSchedule(_Settings):
+class StaticSchedule(Settings):
     """The same undirected edges at every iteration."""
 
     kind: Literal["static"]
@@ -139,7 +136,7 @@ class StaticSchedule(_Settings):
         return static(learners, edges(len(learners)))
 
 
-class AlternatingSchedule(_Settings):
+class AlternatingSchedule(Settings):
     """Every other edge of the ring of learners, in turns."""
 
     kind: Literal["alternating"]
@@ -149,7 +146,7 @@ class AlternatingSchedule(_Settings):
         return alternating_ring(learners)
 
 
-class DirectedRingSchedule(_Settings):
+class DirectedRingSchedule(Settings):
     """Each learner sends to the next, the last to the first."""
 
     kind: Literal["directed_ring"]
@@ -159,7 +156,7 @@ class DirectedRingSchedule(_Settings):
         return directed_ring(learners)
 
 
-class RandomSchedule(_Settings):
+class RandomSchedule(Settings):
     """Random pairs: a matching of all learners in every slot, or a single pair (gossip)."""
 
     kind: Literal["random_matching", "gossip"]
@@ -172,7 +169,7 @@ class RandomSchedule(_Settings):
         return generator(learners, self.slots, self.seed)
 
 
-class ExplicitSchedule(_Settings):
+class ExplicitSchedule(Settings):
     """Slots written out: lists of [sender, receiver] names."""
 
     kind: Literal["slots"]
@@ -197,7 +194,7 @@ ScheduleSettings = Annotated[
 ]
 
 
-class DemonstrationSettings(_Settings):
+class DemonstrationSettings(Settings):
     """Where the recorded demonstrations are, and how they are recorded."""
 
     bag: Path = Field(description="rosbag2 directory, relative to the experiment file")
@@ -207,7 +204,7 @@ class DemonstrationSettings(_Settings):
     seed: int = Field(0, ge=0, description="of the experts' choices")
 
 
-class Experiment(_Settings):
+class Experiment(Settings):
     """One experiment; see ros_ws/config for commented examples."""
 
     name: str = Field(pattern=r"^[a-z0-9][a-z0-9_-]*$")

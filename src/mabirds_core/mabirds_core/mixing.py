@@ -2,20 +2,18 @@
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from mabirds_core.settings import Settings
 
 
-class _Settings(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class StrictMixing(_Settings):
+class StrictMixing(Settings):
     """The paper's iteration: every scheduled neighbour is waited for, however long."""
 
     kind: Literal["strict"] = "strict"
 
 
-class ResilientMixing(_Settings):
+class ResilientMixing(Settings):
     """Push-sum with running sums: a neighbour that is late is not waited for, and what it gave arrives later."""
 
     kind: Literal["resilient"]

@@ -3,10 +3,11 @@
 from typing import NamedTuple
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from mabirds_core.arrays import Vector
 from mabirds_core.errors import DivergenceError
+from mabirds_core.settings import Settings
 
 LARGEST = 1e100
 """No parameter may be larger: sums over features and steps would overflow."""
@@ -19,10 +20,8 @@ class Parameters(NamedTuple):
     omega: Vector
 
 
-class StepSizes(BaseModel):
+class StepSizes(Settings):
     """alpha(n) = alpha / n^eta1 for omega, beta(n) = beta / n^eta2 for theta."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     alpha: float = Field(gt=0, description="abar: first step of omega")
     beta: float = Field(gt=0, description="bbar: first step of theta")

@@ -52,6 +52,13 @@ class LearnerNode(ProgressNode):
         self.create_service(FetchParameters, topics.FETCH_PARAMETERS, self._on_fetch)
         self._exchange.connect()
 
+    @property
+    def limits(self) -> tuple[int, int, int, int]:
+        """Updates, demonstrations and iterations of parameters to keep, closing rounds: what every session is told."""
+        experiment = self.experiment
+        history = self.value("demonstration_history")
+        return experiment.iterations, history, self.parameter_history, experiment.closing_rounds
+
     def _declare_parameters(self) -> None:
         words = "iterations of parameters kept; 0: as many as the schedule needs, at least 256"
         self.declare_parameter("parameter_history", 0, whole(words, 0, 100_000))

@@ -26,14 +26,8 @@ class ResilientExchange:
 
     def __init__(self, node: "LearnerNode", mixing: ResilientMixing) -> None:
         self._node, self._mixing = node, mixing
-        self.session = ResilientSession(
-            build_resilient_learner(node.experiment, node.own_name),
-            node.experiment.iterations,
-            node.value("demonstration_history"),
-            node.parameter_history,
-            node.experiment.closing_rounds,
-            newcomer=node.value("newcomer"),
-        )
+        learner = build_resilient_learner(node.experiment, node.own_name)
+        self.session = ResilientSession(learner, *node.limits, newcomer=node.value("newcomer"))
         self._publishers: dict[str, Publisher] = {}
         self._waits_at: tuple[int, int, bool] | None = None
 

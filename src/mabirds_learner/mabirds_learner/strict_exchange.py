@@ -23,13 +23,7 @@ class StrictExchange:
 
     def __init__(self, node: "LearnerNode") -> None:
         self._node = node
-        self.session = StrictSession(
-            build_learner(node.experiment, node.own_name),
-            node.experiment.iterations,
-            node.value("demonstration_history"),
-            node.parameter_history,
-            node.experiment.closing_rounds,
-        )
+        self.session = StrictSession(build_learner(node.experiment, node.own_name), *node.limits)
         self._fetch: dict[str, Client] = {}
         self._stalled_at = 0
 

@@ -11,13 +11,14 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from mabirds_core.arrays import Array, Indices, Mask, Vector, weighted_counts
 from mabirds_core.digest import digest
 from mabirds_core.errors import ImpossibleTrajectoryError
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.games.patrol_features import MOVE_NAMES, N_MOVES, PatrolCostFeatures, PatrolRewardFeatures
+from mabirds_core.settings import Settings
 
 MOVES = np.array([[-1, 0], [0, 1], [1, 0], [0, -1]])
 """North, east, south, west as (rows, columns)."""
@@ -31,14 +32,12 @@ MOST_VALUES = 200_000_000
 Cell = tuple[int, int]
 
 
-class PatrolSettings(BaseModel):
+class PatrolSettings(Settings):
     """The game as written in an experiment file.
 
     >>> PatrolSettings(map="...", starts=[[(0, 0), (0, 2)]], goals=[(0, 2), (0, 0)], horizon=4).n_experts
     2
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     kind: Literal["patrol"] = "patrol"
     map: str = Field(description="rows of '.' (free) and '#' (obstacle), all of one length")
