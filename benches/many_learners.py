@@ -32,20 +32,21 @@ SHARED_MEMORY = Path("/dev/shm")  # noqa: S108 - where Fast DDS puts segments an
 
 @dataclass
 class Watch:
-    """Notes at every tick when all were there, and half-way the memory they take."""
+    """Notes at every tick the time, when all were there, and half-way the memory they take."""
 
     experiment: Experiment
     start: float = field(default_factory=time.monotonic)
+    seconds: float = 0.0
     all_there: float = 0.0
     megabytes: list[float] = field(default_factory=list)
     restarts: int = 0
 
     def __call__(self, monitor: MonitorNode, supervisor: Supervisor, news: Sequence[str]) -> None:
         """Look, while the network runs."""
-        now = time.monotonic() - self.start
+        self.seconds = time.monotonic() - self.start
         self.restarts += len(news)
         if not self.all_there and len(monitor.statuses) == len(self.experiment.learners):
-            self.all_there = now
+            self.all_there = self.seconds
         newest = [max(known, default=0) for known in monitor.parameters.values()]
         if not self.megabytes and min(newest) > self.experiment.iterations // 2:
             pids = [child.process.popen.pid for child in supervisor.children.values() if child.process]
@@ -72,13 +73,12 @@ def measure(learners: int, iterations: int, directory: Path) -> dict[str, Any]:
     (directory / "logs").mkdir()
     watch = Watch(experiment)
     result = Network(experiment, file, directory, {"hz": 1000.0}).run(watch)
-    seconds = time.monotonic() - watch.start
     return {
         "learners": learners,
         "iterations": min(map(len, result.history.values())) - 1,
         "seconds_until_all_are_there": watch.all_there,
-        "seconds": seconds,
-        "iterations_a_second": iterations / (seconds - watch.all_there),
+        "seconds": watch.seconds,
+        "iterations_a_second": iterations / (watch.seconds - watch.all_there),
         "megabytes_a_process": sum(watch.megabytes) / len(watch.megabytes),
         "megabytes": sum(watch.megabytes),
         "deaths": watch.restarts,
