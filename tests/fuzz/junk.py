@@ -16,7 +16,7 @@ TEXTS = st.one_of(
 )
 """As the middleware hands them over: what is no UTF-8 is replaced, so that a lone surrogate cannot come."""
 NUMBERS = st.sampled_from(
-    [float("nan"), float("inf"), -float("inf"), 1e300, -1e300, 1.1e100, 1e100, -0.0, 0.5, 1.0, -1.0, 5e-324]
+    [float("nan"), float("inf"), -float("inf"), 1e300, -1e300, 1.1e12, 1e12, -0.0, 0.5, 1.0, -1.0, 5e-324]
 )
 
 

@@ -9,8 +9,8 @@ from mabirds_core.arrays import Vector
 from mabirds_core.errors import DivergenceError
 from mabirds_core.settings import Settings
 
-LARGEST = 1e100
-"""No parameter may be larger: sums over features and steps would overflow."""
+LARGEST = 1e12
+"""No parameter may be larger: probabilities, which hang on differences of sums of them, would lose their precision."""
 
 
 class Parameters(NamedTuple):

@@ -10,8 +10,8 @@ from mabirds_core.push_sum import RunningSum
 from mabirds_core.texts import shortened
 from mabirds_msgs_py.conversion import RefusedMessageError, floats
 
-LARGEST_SUM = 1e120
-"""Sums of parameters over all iterations stay below this; larger ones would overflow."""
+LARGEST_SUM = 1e20
+"""Sums over a million iterations of the largest parameters stay below this."""
 
 
 def mass_message(learner: str, receiver: str, epoch: int, iteration: int, total: RunningSum) -> Mass:
