@@ -4,6 +4,7 @@ from collections.abc import Iterable
 
 from mabirds_core.errors import ScheduleError
 from mabirds_core.schedule import EdgeSchedule, validate
+from mabirds_core.texts import shortened
 
 
 def among(schedule: EdgeSchedule, members: Iterable[str]) -> EdgeSchedule:
@@ -14,7 +15,8 @@ def among(schedule: EdgeSchedule, members: Iterable[str]) -> EdgeSchedule:
     """
     chosen = set(members)
     if not chosen or not chosen <= set(schedule.learners):
-        raise ScheduleError(f"members {sorted(chosen)}: expected some of the learners {list(schedule.learners)}")
+        given = shortened(str(sorted(chosen)))
+        raise ScheduleError(f"members {given}: expected some of the learners {list(schedule.learners)}")
     names = tuple(name for name in schedule.learners if name in chosen)
     new = {schedule.learners.index(name): number for number, name in enumerate(names)}
     slots = tuple(

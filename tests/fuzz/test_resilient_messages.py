@@ -1,0 +1,88 @@
+"""Masses and declarations of any content: taken, or refused by name in few words, and a refusal changes nothing."""
+
+from typing import Any
+
+import numpy as np
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from mabirds_msgs.msg import Mass, Membership
+from truth import Truth
+
+from mabirds_core.assembly import build_resilient_learner
+from mabirds_core.experiment import Experiment
+from mabirds_core.push_sum import RunningSum
+from mabirds_learner.resilient_session import ResilientSession
+from mabirds_msgs_py.conversion import RefusedMessageError
+from mabirds_msgs_py.mass_conversion import mass_message, read_mass, read_membership
+
+NAMES = ["learner_1", "learner_2"]
+LONGEST = 1000
+"""Characters of a refusal, whatever was sent."""
+IN_ONE_EXPERIMENT = settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+texts = st.text(max_size=200) | st.just("x" * 10_000) | st.sampled_from(NAMES)
+numbers = st.floats() | st.sampled_from([1e13, 1e20, 1.1e20, -1e300, -0.0])
+changes = st.fixed_dictionaries(
+    {},
+    optional={
+        "learner": texts,
+        "receiver": texts,
+        "experiment_digest": texts,
+        "schedule_digest": texts,
+        "total": st.lists(numbers, max_size=4) | numbers.map(lambda number: [number] * 123),
+        "rest": st.lists(numbers, max_size=4) | numbers.map(lambda number: [number] * 123),
+    },
+)
+
+
+def session_of(experiment: Experiment) -> tuple[Experiment, ResilientSession]:
+    resilient = Experiment.model_validate({**experiment.model_dump(mode="json"), "mixing": {"kind": "resilient"}})
+    learner = build_resilient_learner(resilient, "learner_1")
+    return resilient, ResilientSession(learner, resilient.iterations, 256, 8)
+
+
+def receive(session: ResilientSession, experiment: Experiment, message: Mass) -> str | None:
+    """As the node does; why it was refused, or None."""
+    digests = experiment.digest, experiment.edge_schedule.digest
+    try:
+        total = read_mass(message, "learner_2", "learner_1", *digests, session.state.ledger.own.size)
+        session.receive_sum("learner_2", message.epoch, message.iteration, total)
+    except RefusedMessageError as error:
+        return f"{error.reason}: {error}"
+    return None
+
+
+@IN_ONE_EXPERIMENT
+@given(change=changes, epoch=st.integers(0, 2**32 - 1) | st.just(1), iteration=st.integers(0, 2**64 - 1) | st.just(1))
+def test_a_refused_mass_changes_nothing(truth: Truth, change: dict[str, Any], epoch: int, iteration: int) -> None:
+    experiment, session = session_of(truth.experiment)
+    size = session.state.ledger.own.size
+    message = mass_message("learner_2", "learner_1", epoch, iteration, RunningSum.zero(size).plus(np.ones(size)))
+    message.experiment_digest, message.schedule_digest = experiment.digest, experiment.edge_schedule.digest
+    for name, value in change.items():
+        setattr(message, name, value)
+    before = session.parameters.theta.tobytes(), session.weights(), session._newest(session.last)
+    refusal = receive(session, experiment, message)
+    if refusal is not None:
+        assert len(refusal) < LONGEST
+        assert (session.parameters.theta.tobytes(), session.weights()) == before[:2]
+        assert session._newest(session.last) == before[2]
+
+
+@IN_ONE_EXPERIMENT
+@given(members=st.lists(texts, max_size=5), epoch=st.integers(0, 2**32 - 1) | st.integers(0, 20), ours=st.booleans())
+def test_a_declaration_is_followed_or_refused(truth: Truth, members: list[str], epoch: int, ours: bool) -> None:
+    experiment, session = session_of(truth.experiment)
+    digest = experiment.digest if ours else "other"
+    message = Membership(experiment_digest=digest, epoch=epoch, members=members)
+    refusal = None
+    try:
+        session.follow(message.epoch, read_membership(message, experiment.digest))
+    except RefusedMessageError as error:
+        refusal = str(error)
+    if refusal is None:
+        assert ours
+        assert (session.epoch, set(session.members)) == (epoch, set(members))
+    else:
+        assert len(refusal) < LONGEST
+        assert (session.epoch, list(session.members)) == (1, NAMES)
