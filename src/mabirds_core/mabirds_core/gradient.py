@@ -55,7 +55,7 @@ class GradientEstimator:
         previous: Policy | None = None,
     ) -> Estimate:
         """The gradient for the mean of ``demonstrations``; ``previous``: the policy to start the search from."""
-        policy = self.finder.find(*parameters, previous, rng)
+        policy = self.finder.find(*parameters, previous, rng, demonstrations)
         starts = demonstrations.states[:, 0] if self.rollout_start == "demonstration" else None
         imagined = self.expectation(policy, rng, starts)
         observed = discounted_visitation(demonstrations, self.game.discount)

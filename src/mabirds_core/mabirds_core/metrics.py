@@ -14,7 +14,7 @@ import numpy as np
 from mabirds_core.arrays import Mask, Vector, weighted_counts
 from mabirds_core.games.interface import TabularGame, Trajectories
 from mabirds_core.parameters import Parameters
-from mabirds_core.policies.interface import Policy
+from mabirds_core.policies.interface import TabularPolicy
 from mabirds_core.policies.occupancy import occupancy_measure
 
 
@@ -32,7 +32,7 @@ class ConstraintErrors(NamedTuple):
     false_negative_rate: float
 
 
-def exact_imitation(game: TabularGame, policy: Policy) -> Imitation:
+def exact_imitation(game: TabularGame, policy: TabularPolicy) -> Imitation:
     """CVR and SR without sampling: the probability mass that stays clean is followed through time."""
     everywhere = np.arange(game.n_states)
     clean = game.initial_distribution
@@ -71,7 +71,7 @@ def consensus_distance(vectors: Sequence[Vector]) -> float:
     return float(np.sqrt(((stacked - stacked.mean(axis=0)) ** 2).sum(axis=1)).max())
 
 
-def policy_distance(game: TabularGame, policies: Sequence[Policy]) -> float:
+def policy_distance(game: TabularGame, policies: Sequence[TabularPolicy]) -> float:
     """Largest total variation distance between two policies' occupancy measures, in [0, 1]."""
     occupancies = [occupancy_measure(game, policy) for policy in policies]
     return max(

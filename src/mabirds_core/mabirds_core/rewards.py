@@ -7,11 +7,11 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from mabirds_core.arrays import Array, Vector
-from mabirds_core.games.interface import FeatureMap, RewardFeatureMap, Visitation
+from mabirds_core.games.interface import RewardFeatureMap, TabularFeatureMap, Visitation
 
 
 class RewardModel(Protocol):
-    """A differentiable family of rewards of a tabular game."""
+    """A differentiable family of rewards."""
 
     @property
     def size(self) -> int:
@@ -22,12 +22,16 @@ class RewardModel(Protocol):
         """theta(1), shape (size,)."""
         ...
 
-    def table(self, theta: Vector) -> Array:
-        """r_theta(s, a) for every pair, shape (S, A)."""
-        ...
-
     def gradient(self, theta: Vector, visitation: Visitation) -> Vector:
         """grad J: sum_k weights[k] grad_theta r_theta(states[k], actions[k]), shape (size,)."""
+        ...
+
+
+class TabularRewardModel(RewardModel, Protocol):
+    """Rewards of a tabular game."""
+
+    def table(self, theta: Vector) -> Array:
+        """r_theta(s, a) for every pair, shape (S, A)."""
         ...
 
 
@@ -35,7 +39,7 @@ class RewardModel(Protocol):
 class LinearReward:
     """r_theta(s, a) = theta^T f(s, a); its gradient does not depend on theta. theta(1) = 0."""
 
-    features: FeatureMap
+    features: TabularFeatureMap
 
     @property
     def size(self) -> int:

@@ -20,7 +20,7 @@ from mabirds_core.baselines.interface import CentralState
 from mabirds_core.games.interface import TabularGame, Trajectories, discounted_visitation
 from mabirds_core.gradient import stacked
 from mabirds_core.parameters import Parameters
-from mabirds_core.policies.interface import Policy
+from mabirds_core.policies.interface import TabularPolicy
 from mabirds_core.policies.soft_bellman import SoftBellmanPolicy, maximum_entropy_policy
 
 
@@ -48,7 +48,7 @@ class MeGreedy:
         parameters = Parameters(state.parameters.theta, -learned.astype(np.float64))
         return CentralState(state.iteration + 1, parameters, seen, policy, state.work.more(0, 1))
 
-    def policy(self, parameters: Parameters) -> Policy:
+    def policy(self, parameters: Parameters) -> TabularPolicy:
         """The maximum-entropy policy that breaks no learned constraint."""
         return self._policy(parameters.omega < 0)
 
@@ -62,7 +62,7 @@ def broken_features(game: TabularGame, demonstrations: Trajectories) -> Mask:
     return game.cost_features.total(discounted_visitation(demonstrations, game.discount)) > 0
 
 
-def violation_probabilities(game: TabularGame, policy: Policy) -> Vector:
+def violation_probabilities(game: TabularGame, policy: TabularPolicy) -> Vector:
     """P(phi_k(s_t, a_t) > 0 at some step t = 0..T) for every cost feature k, shape (K,)."""
     everywhere, size = np.arange(game.n_states), len(game.cost_features.names)
     respected = [game.cost_features.table(unit) == 0 for unit in np.eye(size)]

@@ -4,38 +4,42 @@ A game is (states, actions, transitions, gamma, P_0, reward, cost features, hori
 together: a state and an action are those of all experts at once. Trajectories have T + 1 steps, t = 0..T.
 """
 
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mabirds_core.arrays import Array, Indices, Mask, Vector
+
+Steps = NDArray[Any]
+"""Joint states or actions: an index each in a tabular game, a row of real numbers each in a continuous one."""
 
 
 class Trajectories(NamedTuple):
     """m joint trajectories; axis 0 counts trajectories, axis 1 the steps t = 0..T.
 
-    ``states``: (m, T + 1) joint state indices in a tabular game.
-    ``actions``: (m, T + 1) joint action indices in a tabular game.
+    ``states``: (m, T + 1) joint state indices in a tabular game, (m, T + 1, D_s) numbers in a continuous one.
+    ``actions``: (m, T + 1) joint action indices in a tabular game, (m, T + 1, D_a) numbers in a continuous one.
     """
 
-    states: Indices
-    actions: Indices
+    states: Steps
+    actions: Steps
 
 
 class Visitation(NamedTuple):
     """A weighted set of M state-action pairs: sum_k weights[k] f(states[k], actions[k]) estimates E sum_t gamma^t f.
 
     One trajectory, a batch of rollouts and an exact occupancy measure all take this form, so that features and
-    reward gradients are summed by one function each.
+    reward gradients are summed by one function each. The pairs are rows of axis 0.
     """
 
-    states: Indices
-    actions: Indices
+    states: Steps
+    actions: Steps
     weights: Vector
 
 
 class FeatureMap(Protocol):
-    """Features phi(s, a) of a tabular game with S joint states and A joint actions."""
+    """Features phi(s, a)."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -46,12 +50,16 @@ class FeatureMap(Protocol):
         """sum_k weights[k] phi(states[k], actions[k]), shape (K,)."""
         ...
 
+
+class TabularFeatureMap(FeatureMap, Protocol):
+    """Features of a tabular game with S joint states and A joint actions."""
+
     def table(self, weights: Vector) -> Array:
         """weights^T phi(s, a) for every pair, shape (S, A); ``weights`` has shape (K,)."""
         ...
 
 
-class RewardFeatureMap(FeatureMap, Protocol):
+class RewardFeatureMap(TabularFeatureMap, Protocol):
     """Features of a reward; a network can make their weights from what the features mean."""
 
     @property
@@ -89,11 +97,6 @@ class ConstrainedMarkovGame(Protocol):
         ...
 
     @property
-    def reward_features(self) -> RewardFeatureMap:
-        """Features of the reward models: theta weighs them or makes their weights. One an expert in every pair."""
-        ...
-
-    @property
     def true_constraints(self) -> Mask:
         """Which cost features the experts really may not touch, shape (K,); for metrics only."""
         ...
@@ -117,6 +120,16 @@ class TabularGame(ConstrainedMarkovGame, Protocol):
     @property
     def n_states(self) -> int:
         """S."""
+        ...
+
+    @property
+    def cost_features(self) -> TabularFeatureMap:
+        """phi, which can be tabulated."""
+        ...
+
+    @property
+    def reward_features(self) -> RewardFeatureMap:
+        """Features of the reward models: theta weighs them or makes their weights. One an expert in every pair."""
         ...
 
     @property
@@ -157,6 +170,7 @@ class TabularGame(ConstrainedMarkovGame, Protocol):
 
 def discounted_visitation(trajectories: Trajectories, discount: float) -> Visitation:
     """The pairs of m trajectories with weights gamma^t / m: totals over it are means of discounted sums."""
-    count, steps = trajectories.states.shape
+    count, steps = trajectories.states.shape[:2]
     weights = np.broadcast_to(discount ** np.arange(steps) / count, (count, steps))
-    return Visitation(trajectories.states.ravel(), trajectories.actions.ravel(), weights.ravel())
+    states, actions = (values.reshape(count * steps, *values.shape[2:]) for values in trajectories)
+    return Visitation(states, actions, weights.ravel())

@@ -1,15 +1,18 @@
 """What Algorithm 1 asks of a policy and of the finder that makes one from theta and omega."""
 
 from collections.abc import Mapping
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from mabirds_core.arrays import Array, Indices, Vector
-from mabirds_core.games.interface import Visitation
+from mabirds_core.games.interface import Steps, Trajectories, Visitation
+
+Policy = Any
+"""pi_t(a | s) of some game. Algorithm 1 only hands it on, from a finder to an expectation of the same game."""
 
 
-class Policy(Protocol):
+class TabularPolicy(Protocol):
     """A time-dependent stochastic policy pi_t(a | s) of a tabular game."""
 
     def log_probabilities(self, step: int, states: Indices) -> Array:
@@ -21,12 +24,18 @@ class PolicyFinder(Protocol):
     """Step 1 of Algorithm 1: the constrained soft Bellman policy of r_theta + omega^T phi."""
 
     def find(
-        self, theta: Vector, omega: Vector, previous: Policy | None = None, rng: np.random.Generator | None = None
+        self,
+        theta: Vector,
+        omega: Vector,
+        previous: Policy | None = None,
+        rng: np.random.Generator | None = None,
+        observed: Trajectories | None = None,
     ) -> Policy:
         """The policy for these parameters.
 
         ``previous``: the policy of parameters nearby, from which a search may start. ``rng``: for finders that
-        sample. Exact finders need neither.
+        sample. ``observed``: demonstrations, which show finders that sample what the game is like where experts
+        are. Exact finders need none of them.
         """
         ...
 
@@ -45,7 +54,7 @@ class PolicyFinder(Protocol):
 class Expectation(Protocol):
     """Step 2 of Algorithm 1: how E_pi sum_t gamma^t f(s_t, a_t) is found."""
 
-    def __call__(self, policy: Policy, rng: np.random.Generator, starts: Indices | None = None) -> Visitation:
+    def __call__(self, policy: Policy, rng: np.random.Generator, starts: Steps | None = None) -> Visitation:
         """A visitation whose totals are, or estimate, the policy's expected discounted sums.
 
         ``starts``: states, shape (k,), each of them an equally likely start; None: starts are drawn from P_0.

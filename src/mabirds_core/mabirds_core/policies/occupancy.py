@@ -7,7 +7,7 @@ import numpy as np
 from mabirds_core.arrays import Array, Indices, Vector, weighted_counts
 from mabirds_core.errors import InfeasibleError
 from mabirds_core.games.interface import TabularGame, Trajectories, Visitation, discounted_visitation
-from mabirds_core.policies.interface import Policy
+from mabirds_core.policies.interface import TabularPolicy
 
 BLOCKED = "the policy leads to a state in which every action is blocked; loosen the hard constraints or the starts"
 
@@ -20,7 +20,7 @@ def start_distribution(game: TabularGame, starts: Indices | None) -> Vector:
 
 
 def rollouts(
-    game: TabularGame, policy: Policy, count: int, rng: np.random.Generator, starts: Indices | None = None
+    game: TabularGame, policy: TabularPolicy, count: int, rng: np.random.Generator, starts: Indices | None = None
 ) -> Trajectories:
     """``count`` trajectories from P_0, or from ``starts``, each equally likely.
 
@@ -45,7 +45,7 @@ def _draw(log_probabilities: Array, rng: np.random.Generator) -> Indices:
     return np.asarray((cumulative <= rng.random((len(total), 1)) * total).sum(axis=1))
 
 
-def occupancy_measure(game: TabularGame, policy: Policy, starts: Indices | None = None) -> Array:
+def occupancy_measure(game: TabularGame, policy: TabularPolicy, starts: Indices | None = None) -> Array:
     """rho(s, a) = sum_t gamma^t P(s_t = s, a_t = a) / sum_t gamma^t, shape (S, A), mass 1.
 
     Starts are drawn from P_0, or from ``starts``, each equally likely.
@@ -72,7 +72,7 @@ class SampledExpectation:
     game: TabularGame
     count: int
 
-    def __call__(self, policy: Policy, rng: np.random.Generator, starts: Indices | None = None) -> Visitation:
+    def __call__(self, policy: TabularPolicy, rng: np.random.Generator, starts: Indices | None = None) -> Visitation:
         """The rollouts' visitation."""
         return discounted_visitation(rollouts(self.game, policy, self.count, rng, starts), self.game.discount)
 
@@ -85,7 +85,7 @@ class ExactExpectation:
 
     def __call__(
         self,
-        policy: Policy,
+        policy: TabularPolicy,
         rng: np.random.Generator,  # noqa: ARG002 - nothing is drawn
         starts: Indices | None = None,
     ) -> Visitation:

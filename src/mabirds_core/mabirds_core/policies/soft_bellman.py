@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from mabirds_core.arrays import Array, Indices, Mask, Vector
-from mabirds_core.games.interface import FeatureMap, TabularGame
+from mabirds_core.games.interface import TabularFeatureMap, TabularGame, Trajectories
 from mabirds_core.policies.interface import Policy
-from mabirds_core.rewards import RewardModel
+from mabirds_core.rewards import TabularRewardModel
 
 
 @dataclass(frozen=True)
@@ -41,8 +41,8 @@ class SoftBellmanFinder:
     """The exact finder, for games that can be enumerated."""
 
     game: TabularGame
-    reward_model: RewardModel
-    cost_features: FeatureMap
+    reward_model: TabularRewardModel
+    cost_features: TabularFeatureMap
 
     def find(
         self,
@@ -50,6 +50,7 @@ class SoftBellmanFinder:
         omega: Vector,
         previous: Policy | None = None,  # noqa: ARG002 - exact from any start
         rng: np.random.Generator | None = None,  # noqa: ARG002 - nothing is drawn
+        observed: Trajectories | None = None,  # noqa: ARG002 - nothing is learned from examples
     ) -> SoftBellmanPolicy:
         """pi(omega, theta)."""
         reward = self.reward_model.table(theta) + self.cost_features.table(omega)

@@ -33,11 +33,11 @@ import numpy as np
 
 from mabirds_core.arrays import Array, Indices, Vector
 from mabirds_core.errors import CheckpointError
-from mabirds_core.games.interface import FeatureMap, TabularGame
-from mabirds_core.policies.interface import Policy
+from mabirds_core.games.interface import TabularFeatureMap, TabularGame, Trajectories
+from mabirds_core.policies.interface import Policy, TabularPolicy
 from mabirds_core.policies.occupancy import rollouts
 from mabirds_core.policies.soft_bellman import log_sum_exp
-from mabirds_core.rewards import RewardModel
+from mabirds_core.rewards import TabularRewardModel
 
 
 @dataclass(frozen=True)
@@ -69,8 +69,8 @@ class SoftQFinder:
     """The finder that learns from episodes. One that starts from ``previous`` remembers what that one visited."""
 
     game: TabularGame
-    reward_model: RewardModel
-    cost_features: FeatureMap
+    reward_model: TabularRewardModel
+    cost_features: TabularFeatureMap
     episodes: int
     """Episodes a sweep."""
     sweeps: int
@@ -79,9 +79,14 @@ class SoftQFinder:
     """Share of the actions that are drawn uniformly, in [0, 1]; the larger the rewards, the more is needed."""
 
     def find(
-        self, theta: Vector, omega: Vector, previous: Policy | None = None, rng: np.random.Generator | None = None
+        self,
+        theta: Vector,
+        omega: Vector,
+        previous: Policy | None = None,
+        rng: np.random.Generator | None = None,
+        observed: Trajectories | None = None,  # noqa: ARG002 - episodes suffice
     ) -> SoftQPolicy:
-        """An estimate of pi(omega, theta), decided by the four arguments alone.
+        """An estimate of pi(omega, theta), decided by the first four arguments alone.
 
         It begins anew where ``previous`` is None, of another kind or of another game.
         """
@@ -117,7 +122,7 @@ class SoftQFinder:
 class ExploringPolicy:
     """``policy`` with a share of its actions drawn uniformly instead."""
 
-    policy: Policy
+    policy: TabularPolicy
     share: float
 
     def log_probabilities(self, step: int, states: Indices) -> Array:

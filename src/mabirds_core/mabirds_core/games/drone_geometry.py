@@ -1,0 +1,28 @@
+"""Distances of drones that fly straight from one step to the next, in closed form; metres throughout."""
+
+import numpy as np
+
+from mabirds_core.arrays import Array
+
+
+def closest_approach(start: Array, end: Array) -> Array:
+    """Least distance from the origin to the segments from ``start`` to ``end``, shapes (..., 2); result (...).
+
+    >>> float(closest_approach(np.array([-1.0, 0.5]), np.array([1.0, 0.5])))
+    0.5
+    """
+    way = end - start
+    length = (way**2).sum(axis=-1)
+    # The point start + s way with the least distance; a segment of no length is its start.
+    s = np.clip(-(start * way).sum(axis=-1) / np.where(length > 0, length, 1.0), 0.0, 1.0)
+    return np.asarray(np.sqrt(((start + s[..., None] * way) ** 2).sum(axis=-1)))
+
+
+def swept_distance(start: Array, end: Array, centre: Array) -> Array:
+    """Least distance of straight flights, shapes (..., 2), to a point at rest."""
+    return closest_approach(start - centre, end - centre)
+
+
+def swept_separation(starts: tuple[Array, Array], ends: tuple[Array, Array]) -> Array:
+    """Least distance of two drones that fly straight at the same time, each (..., 2): of their difference to zero."""
+    return closest_approach(starts[0] - starts[1], ends[0] - ends[1])

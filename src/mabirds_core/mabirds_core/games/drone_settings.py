@@ -1,0 +1,114 @@
+"""The drone game as written in an experiment file; metres, seconds."""
+
+from itertools import combinations
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from mabirds_core.settings import Settings
+
+MOST_FEATURES = 100_000
+"""Cost features of a game; a million of them would fill a message with megabytes."""
+
+Point = tuple[float, float]
+Length = Annotated[float, Field(gt=0, le=1000)]
+
+
+class Circle(Settings):
+    """A pillar or a door."""
+
+    centre: Point = Field(description="x, y [m]")
+    radius: Length = Field(description="[m]")
+
+
+class DroneTask(Settings):
+    """Where one drone begins and where it is to go."""
+
+    start: Point = Field(description="middle of the square in which it begins [m]")
+    start_spread: float = Field(0.0, ge=0, le=1000, description="half the side of that square [m]")
+    door: Circle
+
+
+class DroneFeatureSettings(Settings):
+    """Gaussian bumps exp(-d^2 / 2 width^2) that costs and linear rewards are made of."""
+
+    cost_spacing: Length = Field(0.375, description="between the cost features' bumps [m]")
+    cost_width: Length = Field(0.2, description="of the cost features' bumps [m]")
+    distance_widths: tuple[Length, ...] = Field((0.2, 0.4, 0.6), description="of the bumps of two drones' distance [m]")
+    effort_scale: float = Field(0.1, ge=0, le=1000, description="of the feature (|action| / largest action)^2")
+    reward_spacing: Length = Field(0.5, description="between the linear reward's bumps [m]")
+    reward_width: Length = Field(0.4, description="of the linear reward's bumps [m]")
+
+
+class DroneSettings(Settings):
+    """A room with pillars and doors, and the drones that cross it; see ros_ws/config/drones.yaml."""
+
+    kind: Literal["drones"]
+    room: tuple[Length, Length] = Field(description="width and depth [m]; walls stop drones")
+    pillars: tuple[Circle, ...] = Field((), max_length=1000, description="what drones may not touch")
+    drones: tuple[DroneTask, ...] = Field(min_length=1, max_length=10)
+    dynamics: Literal["single_integrator", "double_integrator"] = Field(
+        "single_integrator", description="actions are velocities, or accelerations"
+    )
+    time_step: float = Field(0.25, gt=0, le=60, description="between two steps [s]")
+    horizon: int = Field(40, ge=1, le=10_000, description="T: trajectories have T + 1 steps")
+    discount: float = Field(0.97, gt=0, le=1, description="gamma")
+    max_speed: Length = Field(1.0, description="[m/s]")
+    max_acceleration: Length = Field(2.0, description="of double integrators [m/s^2]")
+    drone_radius: Length = Field(0.12, description="[m]")
+    least_distance: Length = Field(0.35, description="of two drones' middles [m]")
+    step_cost: float = Field(0.1, ge=0, le=1000, description="true reward: minus this a step for each drone under way")
+    features: DroneFeatureSettings = DroneFeatureSettings()
+
+    @property
+    def n_experts(self) -> int:
+        """N_E."""
+        return len(self.drones)
+
+    def lattice(self, spacing: float) -> tuple[int, int]:
+        """Points of a lattice over the room that is no coarser than ``spacing``, by axis."""
+        return tuple(int(np.ceil(side / spacing - 1e-9)) + 1 for side in self.room)  # type: ignore[return-value]
+
+    @model_validator(mode="after")
+    def _fits_into_the_room(self) -> "DroneSettings":
+        for number, task in enumerate(self.drones, start=1):
+            for name, point in (("start", task.start), ("door", task.door.centre)):
+                if not all(0 <= x <= side for x, side in zip(point, self.room, strict=True)):
+                    raise ValueError(f"{name} {point} of drone {number}: expected a place in the room {self.room}")
+            for pillar in self.pillars:
+                self._check_free(number, task, pillar)
+        return self
+
+    def _check_free(self, number: int, task: DroneTask, pillar: Circle) -> None:
+        """No start may touch a pillar, and the middle of no door."""
+        keep = pillar.radius + self.drone_radius
+        nearest = np.clip(
+            pillar.centre, np.subtract(task.start, task.start_spread), np.add(task.start, task.start_spread)
+        )
+        for name, point in (("start", nearest), ("door", task.door.centre)):
+            if np.hypot(*np.subtract(point, pillar.centre)) < keep:
+                raise ValueError(
+                    f"{name} of drone {number} touches the pillar at {pillar.centre}: expected {keep:g} m between"
+                    " their middles; move one of them"
+                )
+
+    @model_validator(mode="after")
+    def _starts_are_apart(self) -> "DroneSettings":
+        for (i, one), (j, other) in combinations(enumerate(self.drones, start=1), 2):
+            gap = np.abs(np.subtract(one.start, other.start)) - one.start_spread - other.start_spread
+            if np.hypot(*np.maximum(gap, 0.0)) < self.least_distance:
+                raise ValueError(
+                    f"drones {i} and {j} may start closer than least_distance {self.least_distance:g} m;"
+                    " move their starts apart, or make start_spread smaller"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _features_are_few(self) -> "DroneSettings":
+        spacings = {"cost_spacing": self.features.cost_spacing, "reward_spacing": self.features.reward_spacing}
+        for name, spacing in spacings.items():
+            count = self.n_experts * int(np.prod(np.array(self.lattice(spacing), dtype=float)))
+            if count > MOST_FEATURES:
+                raise ValueError(f"features.{name} {spacing:g} makes {count} bumps, expected at most {MOST_FEATURES}")
+        return self

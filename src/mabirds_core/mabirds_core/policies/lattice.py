@@ -1,0 +1,271 @@
+"""The constrained soft Bellman policy of one or two drones by soft value iteration on a lattice of places.
+
+At temperature tau, with the base measure mu of actions uniform in the disc of radius max_speed,
+
+    Q_t(s, a) = r_theta(s, a) + omega^T phi(s, a) + gamma V_{t+1}(s')
+    V_t(s)    = tau log E_{a ~ mu} exp(Q_t(s, a) / tau),     V_{T+1} = 0,     pi_t(a|s) ~ mu(a) exp(Q_t(s, a) / tau)
+
+which is the soft Bellman policy of the reward divided by tau. Rewards are sums of terms of one drone and of a pair
+(``drone_features``), and drones move independently of one another. Hence the backup factorises. With Y = exp(gamma
+V_{t+1} / tau) on the lattice nodes of both drones and exp(gamma V / tau) interpolated between them, it is
+
+    exp(V_t / tau) = exp(r_12 / tau) * ( K_1 Y K_2^T ),     K_i[s, s'] = sum_a mu(a) exp(r_i(s, a) / tau) B_i[s, a, s']
+
+where B_i[s, a, .] are the bilinear weights of the place that action a leads to: two sparse products a step instead
+of a sum over all joint actions. mu is taken at 25 moves a drone. In the game itself, the policy chooses among the
+same moves, by V_{t+1} interpolated between the nodes.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from mabirds_core.arrays import Array, Indices, Vector
+from mabirds_core.drone_rewards import DroneRewardModel
+from mabirds_core.games.drone_features import DroneReward
+from mabirds_core.games.drones import DroneGame
+from mabirds_core.games.interface import Trajectories
+from mabirds_core.policies.interface import Policy
+
+RINGS = ((0.0, 1), (0.5, 8), (1.0, 16))
+"""Speeds, as shares of the largest, and how many directions each has."""
+
+RING_BOUNDS = (0.0, 0.25, 0.75, 1.0)
+"""The ring of each speed; its share of the disc's area is what its moves weigh together."""
+
+LEAST = 1e-300
+"""What a backup may fall to beside the best that the two drones could do without each other."""
+
+
+def moves(speed: float) -> tuple[Array, Vector]:
+    """The 25 velocities (25, 2) and their shares of mu (25,)."""
+    angles = [2 * np.pi * np.arange(count) / count for _, count in RINGS]
+    velocities = [r * np.column_stack([np.cos(a), np.sin(a)]) for (r, _), a in zip(RINGS, angles, strict=True)]
+    areas = [outer**2 - inner**2 for inner, outer in pairwise(RING_BOUNDS)]
+    shares = [np.full(count, area / count) for (_, count), area in zip(RINGS, areas, strict=True)]
+    return speed * np.concatenate(velocities), np.concatenate(shares)
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Where moves from M places lead, on the lattice: the W nodes around each, and the moves' weights of them."""
+
+    nodes: Indices
+    """Shape (M, N_E, W)."""
+    weights: Array
+    """Bilinear weights, shape (M, N_E, A, W); each move's sum to 1."""
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """Nodes at most ``spacing`` metres apart over the room of a game of single integrators."""
+
+    game: DroneGame
+    spacing: float
+
+    @cached_property
+    def axes(self) -> list[Array]:
+        """x and y of the nodes."""
+        counts = self.game.settings.lattice(self.spacing)
+        return [np.linspace(0, side, count) for side, count in zip(self.game.settings.room, counts, strict=True)]
+
+    @cached_property
+    def nodes(self) -> Array:
+        """Shape (S, 2)."""
+        return np.stack(np.meshgrid(*self.axes, indexing="ij"), axis=-1).reshape(-1, 2)
+
+    @cached_property
+    def moves(self) -> tuple[Array, Vector]:
+        """Velocities and their shares."""
+        return moves(self.game.settings.max_speed)
+
+    @cached_property
+    def everywhere(self) -> Windows:
+        """Where moves from every node lead."""
+        return self.windows(np.repeat(self.nodes[:, None], self.game.n_experts, axis=1))
+
+    @cached_property
+    def pair_distances(self) -> Array:
+        """Metres between every two nodes, shape (S, S)."""
+        x, y = np.moveaxis(self.nodes[:, None] - self.nodes, -1, 0)
+        return np.hypot(x, y)
+
+    def windows(self, places: Array) -> Windows:
+        """For M places of all drones, shape (M, N_E, 2)."""
+        velocities, _ = self.moves
+        here = np.repeat(places[:, None], len(velocities), axis=1)
+        there = self.game.dynamics.step(here, np.broadcast_to(velocities[:, None], here.shape))
+        along = [self._axis_window(axis, places[..., axis], there[..., axis]) for axis in (0, 1)]
+        (first_x, weights_x), (first_y, weights_y) = along
+        nodes = first_x[..., :, None] * len(self.axes[1]) + first_y[..., None, :]
+        weights = weights_x[..., :, None] * weights_y[..., None, :]
+        flat = np.moveaxis(weights.reshape(*weights.shape[:3], -1), 1, 2)
+        return Windows(nodes.reshape(*nodes.shape[:2], -1), np.ascontiguousarray(flat))
+
+    def _axis_window(self, axis: int, here: Array, there: Array) -> tuple[Indices, Array]:
+        """Numbers of the nodes around ``here`` (M, N_E), and hat functions of them at ``there`` (M, A, N_E)."""
+        count, step = len(self.axes[axis]), self.axes[axis][1]
+        reach = int(np.ceil(self.game.settings.max_speed * self.game.settings.time_step / step))
+        width = min(2 * reach + 2, count)
+        first = np.clip(np.floor(here / step).astype(np.int64) - reach, 0, count - width)
+        numbers = first[..., None] + np.arange(width)
+        return numbers, np.maximum(0.0, 1 - np.abs(there[..., None] / step - numbers[:, None]))
+
+
+@dataclass(frozen=True)
+class LatticePolicy:
+    """The policy, kept as V_t / tau on the nodes of both drones."""
+
+    lattice: Lattice
+    rewards: tuple[tuple[DroneReward, Vector], ...]
+    """What r is the sum of, each with its parameters."""
+    temperature: float
+    values: Array
+    """Shape (T + 2, S, S), or (T + 2, S, 1) for a single drone."""
+
+    def act(self, step: int, states: Array, rng: np.random.Generator) -> Array:
+        """A move of each drone for M joint states (M, N_E D), shape (M, 2 N_E)."""
+        velocities, _ = self.lattice.moves
+        scores = self.log_weights(step, states).reshape(len(states), -1)
+        cumulative = np.exp(scores - scores.max(axis=1, keepdims=True)).cumsum(axis=1)
+        drawn = (cumulative <= rng.random((len(states), 1)) * cumulative[:, -1:]).sum(axis=1)
+        n = self.lattice.game.n_experts
+        chosen = np.stack(np.unravel_index(drawn, (len(velocities),) * n), axis=1)
+        return np.asarray(velocities[chosen].reshape(len(states), -1))
+
+    def log_weights(self, step: int, states: Array) -> Array:
+        """log mu(a) + Q_t(s, a) / tau up to terms that depend on s alone, shape (M, A, A), or (M, A, 1)."""
+        game = self.lattice.game
+        windows = self.lattice.windows(game.positions(states))
+        alone = [
+            move_rewards(self.lattice, self.rewards, i, game.drones(states)[:, i], self.temperature)
+            for i in range(game.n_experts)
+        ]
+        first, second = (
+            (windows.nodes[:, 0], windows.nodes[:, -1]) if game.n_experts == 2 else (windows.nodes[:, 0], None)
+        )
+        ahead = self.values[step + 1]
+        if second is None:
+            backup = windows.weights[:, 0] @ ahead[first]
+            return alone[0][:, :, None] + game.discount * backup
+        around = ahead[first[:, :, None], second[:, None, :]]
+        backup = windows.weights[:, 0] @ around @ windows.weights[:, 1].swapaxes(1, 2)
+        return alone[0][:, :, None] + alone[1][:, None, :] + game.discount * backup
+
+
+def move_rewards(
+    lattice: Lattice, rewards: tuple[tuple[DroneReward, Vector], ...], drone: int, states: Array, temperature: float
+) -> Array:
+    """log mu(a) + r_i(s, a) / tau of one drone's M states (M, 2) and A moves, shape (M, A)."""
+    velocities, shares = lattice.moves
+    here, there = np.repeat(states, len(velocities), axis=0), np.tile(velocities, (len(states), 1))
+    total = sum((one.alone(weights, drone, here, there) for one, weights in rewards), np.zeros(len(here)))
+    return np.log(shares) + total.reshape(len(states), -1) / temperature
+
+
+@dataclass(frozen=True)
+class LatticeFinder:
+    """Near-exact: the error is that of the lattice alone. For one or two single integrators."""
+
+    game: DroneGame
+    reward_model: DroneRewardModel
+    spacing: float
+    """Largest distance of two neighbouring nodes [m]."""
+    temperature: float
+
+    @cached_property
+    def lattice(self) -> Lattice:
+        """The nodes, and where moves lead from them."""
+        return Lattice(self.game, self.spacing)
+
+    def find(
+        self,
+        theta: Vector,
+        omega: Vector,
+        previous: Policy | None = None,  # noqa: ARG002 - nothing is searched
+        rng: np.random.Generator | None = None,  # noqa: ARG002 - nothing is drawn
+        observed: Trajectories | None = None,  # noqa: ARG002 - nothing is learned from examples
+    ) -> LatticePolicy:
+        """pi(omega, theta)."""
+        rewards = ((self.reward_model, theta), (self.game.cost_features, omega))
+        kernels = [Kernel.of(self.lattice, rewards, i, self.temperature) for i in range(self.game.n_experts)]
+        if len(kernels) == 1:
+            kernels.append(Kernel.trivial())
+            together = np.zeros((1, 1))
+        else:
+            distances = self.lattice.pair_distances
+            together = sum((one.together(w, 0, distances) for one, w in rewards), np.zeros_like(distances))
+        values = np.zeros((self.game.horizon + 2, kernels[0].size, kernels[1].size))
+        for step in range(self.game.horizon, -1, -1):
+            values[step] = backup(kernels[0], kernels[1], self.game.discount * values[step + 1])
+            values[step] += together / self.temperature
+        return LatticePolicy(self.lattice, rewards, self.temperature, values)
+
+    def remember(self, policy: Policy) -> dict[str, Array]:  # noqa: ARG002 - nothing is searched
+        """Nothing."""
+        return {}
+
+    def recall(self, memory: Mapping[str, Array]) -> None:
+        """No policy is needed to start from."""
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """K_i: one drone's rewards and moves, its rows scaled by exp(-shift)."""
+
+    matrix: csr_array
+    rows: Indices
+    """Row of every entry of the matrix."""
+    shift: Vector
+
+    @classmethod
+    def of(
+        cls, lattice: Lattice, rewards: tuple[tuple[DroneReward, Vector], ...], drone: int, temperature: float
+    ) -> "Kernel":
+        """From every node of the lattice."""
+        scores = move_rewards(lattice, rewards, drone, lattice.nodes, temperature)
+        shift = scores.max(axis=1)
+        windows, size = lattice.everywhere, len(lattice.nodes)
+        entries = np.einsum("sa,saw->sw", np.exp(scores - shift[:, None]), windows.weights[:, drone])
+        columns, width = windows.nodes[:, drone], windows.nodes.shape[2]
+        matrix = csr_array((entries.ravel(), columns.ravel(), np.arange(size + 1) * width), shape=(size, size))
+        matrix.eliminate_zeros()
+        return cls(matrix, np.repeat(np.arange(size), np.diff(matrix.indptr)), shift)
+
+    @classmethod
+    def trivial(cls) -> "Kernel":
+        """Of a drone that has nowhere to go, for games of one."""
+        return cls(csr_array(np.ones((1, 1))), np.zeros(1, dtype=np.int64), np.zeros(1))
+
+    @property
+    def size(self) -> int:
+        """S."""
+        return len(self.shift)
+
+    def scaled(self, potential: Vector) -> tuple[csr_array, Vector]:
+        """K diag(exp(potential)) with every row divided by exp of the second result, shape (S,)."""
+        entries = potential[self.matrix.indices]
+        largest = np.maximum.reduceat(entries, self.matrix.indptr[:-1])
+        data = self.matrix.data * np.exp(entries - largest[self.rows])
+        return csr_array((data, self.matrix.indices, self.matrix.indptr), shape=self.matrix.shape), largest
+
+
+def backup(first: Kernel, second: Kernel, ahead: Array) -> Array:
+    """log ( K_1 exp(ahead) K_2^T ), shape (S, S).
+
+    Values range over thousands of nats, exp over 700. What one drone's place is worth at best is taken out of
+    ``ahead`` first and goes into that drone's kernel, where it is scaled row by row; what is left is what the drones
+    cost each other.
+    """
+    own = ahead.max(axis=1)
+    rest = ahead - own[:, None]
+    other = rest.max(axis=0)
+    k1, shift1 = first.scaled(own)
+    k2, shift2 = second.scaled(other)
+    half = np.ascontiguousarray((k1 @ np.exp(rest - other)).T)
+    total = (k2 @ half).T
+    return np.asarray(np.log(np.maximum(total, LEAST)) + (first.shift + shift1)[:, None] + second.shift + shift2)
