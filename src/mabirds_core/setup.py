@@ -15,6 +15,6 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
     ],
     python_requires=">=3.11",
-    install_requires=["numpy", "pydantic", "PyYAML"],
+    install_requires=["numpy", "pydantic", "PyYAML", "scipy", "torch"],
     zip_safe=False,
 )

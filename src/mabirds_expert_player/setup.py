@@ -15,7 +15,7 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
     ],
     python_requires=">=3.11",
-    install_requires=["mabirds_core", "mabirds_msgs_py", "numpy"],
+    install_requires=["mabirds_core", "mabirds_msgs_py", "numpy", "scipy"],
     zip_safe=False,
     entry_points={
         "console_scripts": [

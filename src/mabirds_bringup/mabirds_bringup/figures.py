@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from mabirds_bringup.evaluation import Evaluation, visits
 from mabirds_bringup.maps import draw_map
-from mabirds_core.assembly import build_game, policy_of
+from mabirds_core.assembly import patrol_game, policy_of
 from mabirds_core.experiment import Experiment
 from mabirds_core.metrics import learned_constraints
 from mabirds_core.simulate import History
@@ -30,7 +30,7 @@ def save_figures(experiment: Experiment, history: History, evaluation: Evaluatio
 
 def map_figure(experiment: Experiment, history: History) -> Figure:
     """A panel a learner and expert: visitation in blue, learned constraints as red crosses, obstacles in grey."""
-    game, names = build_game(experiment), list(history)
+    game, names = patrol_game(experiment), list(history)
     size = (2.6 * game.n_experts + 0.8, 2.8 * len(names))
     figure, axes = plt.subplots(len(names), game.n_experts, figsize=size, squeeze=False, layout="constrained")
     for name, row in zip(names, axes, strict=True):

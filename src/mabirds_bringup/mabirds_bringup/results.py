@@ -6,7 +6,7 @@ from typing import Any
 
 from mabirds_bringup import run_directory
 from mabirds_bringup.console import console, progress_bar, summary_table
-from mabirds_bringup.evaluation import evaluate, summary
+from mabirds_bringup.evaluation import evaluate, judged, summary
 from mabirds_bringup.report import write_report
 from mabirds_core.errors import ScheduleError
 from mabirds_core.experiment import Experiment
@@ -41,7 +41,7 @@ def write_results(
     """
     from mabirds_bringup.figures import save_figures  # matplotlib takes a second to load: not before it is needed
 
-    total = sum(len(parameters) for parameters in history.values())
+    total = sum(len(judged(experiment, len(parameters))) for parameters in history.values())
     with progress_bar() as bar:
         task = bar.add_task("evaluating", total=total)
         evaluation = evaluate(experiment, history, lambda: bar.advance(task))

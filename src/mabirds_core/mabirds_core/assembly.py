@@ -2,34 +2,65 @@
 
 from collections.abc import Callable
 
+import numpy as np
+
 from mabirds_core.algorithm import Learner
 from mabirds_core.baselines.bics import Bics
 from mabirds_core.baselines.dlm import Dlm
 from mabirds_core.baselines.ftl import Ftl
 from mabirds_core.baselines.interface import CentralMethod
 from mabirds_core.baselines.me_greedy import MeGreedy
+from mabirds_core.drone_rewards import DroneRewardModel, LinearDroneReward, NeuralDroneReward, TrueDroneReward
 from mabirds_core.errors import ExperimentError
-from mabirds_core.experiment import AlgorithmSettings, Experiment, NeuralRewardSettings, SoftQSettings
+from mabirds_core.experiment import Experiment
+from mabirds_core.games.drone_settings import DroneSettings
+from mabirds_core.games.drones import DroneGame
 from mabirds_core.games.interface import TabularGame
 from mabirds_core.games.patrol import PatrolGame
 from mabirds_core.gradient import GradientEstimator
+from mabirds_core.learning_settings import LatticeSettings, NeuralRewardSettings, SoftActorCriticSettings, SoftQSettings
 from mabirds_core.mixing import ResilientMixing
 from mabirds_core.parameters import Parameters
+from mabirds_core.policies.drone_rollouts import SampledDroneExpectation
 from mabirds_core.policies.interface import Expectation, Policy, PolicyFinder
+from mabirds_core.policies.lattice import LatticeFinder
 from mabirds_core.policies.occupancy import ExactExpectation, SampledExpectation
 from mabirds_core.policies.soft_bellman import SoftBellmanFinder
 from mabirds_core.policies.soft_q_learning import SoftQFinder
 from mabirds_core.resilient import ResilientLearner
-from mabirds_core.rewards import LinearReward, NeuralReward, RewardModel
+from mabirds_core.rewards import LinearReward, NeuralReward, TabularRewardModel, TrueReward
 from mabirds_core.schedule import EdgeSchedule
 
+Game = PatrolGame | DroneGame
+"""Of an experiment file."""
 
-def build_game(experiment: Experiment) -> PatrolGame:
+JUDGE_SPACING = 0.3
+"""Metres between the nodes on which the parameters of soft actor-critics are judged."""
+
+AnyGame = TabularGame | DroneGame
+"""That can be learned from: an enumerable one, or one of drones."""
+
+
+def build_game(experiment: Experiment) -> Game:
     """The experiment's game."""
+    return DroneGame(experiment.game) if isinstance(experiment.game, DroneSettings) else PatrolGame(experiment.game)
+
+
+def patrol_game(experiment: Experiment) -> PatrolGame:
+    """The same where only patrols will do; raises ExperimentError for others."""
+    if isinstance(experiment.game, DroneSettings):
+        raise ExperimentError(f"{experiment.name}: the game is drones, expected patrol; give another experiment file")
     return PatrolGame(experiment.game)
 
 
-def build_learner(experiment: Experiment, name: str, game: TabularGame | None = None) -> Learner:
+def drone_game(experiment: Experiment) -> DroneGame:
+    """The same where only drones will do; raises ExperimentError for others."""
+    if not isinstance(experiment.game, DroneSettings):
+        raise ExperimentError(f"{experiment.name}: the game is patrol, expected drones; give another experiment file")
+    return DroneGame(experiment.game)
+
+
+def build_learner(experiment: Experiment, name: str, game: AnyGame | None = None) -> Learner:
     """Learner ``name`` of the experiment; ``game`` saves building the same game again.
 
     Raises ExperimentError where the experiment has no such learner.
@@ -45,7 +76,7 @@ def build_learner(experiment: Experiment, name: str, game: TabularGame | None = 
 
 
 def build_resilient_learner(
-    experiment: Experiment, name: str, game: TabularGame | None = None, schedule: EdgeSchedule | None = None
+    experiment: Experiment, name: str, game: AnyGame | None = None, schedule: EdgeSchedule | None = None
 ) -> ResilientLearner:
     """The same in resilient mode. ``schedule``: of the present members; default: the experiment's.
 
@@ -57,58 +88,106 @@ def build_resilient_learner(
     return ResilientLearner(learner, name, schedule or learner.schedule, experiment.mixing.smallest_weight)
 
 
-METHODS = ("bics", "ftl", "dlm", "me_greedy")
+METHODS = ("bics", "ftl", "dlm", "me_greedy", "me_gradient")
 """Central methods by name."""
 
 
-def build_method(experiment: Experiment, name: str, game: TabularGame | None = None) -> CentralMethod:
-    """Central method ``name`` with the settings of the experiment; raises ExperimentError for another name."""
-    game, settings = game or build_game(experiment), experiment.baselines
-    estimator, steps, seed = build_estimator(experiment, game), experiment.algorithm.steps, experiment.seed
+def build_method(experiment: Experiment, name: str, game: AnyGame | None = None) -> CentralMethod:
+    """Central method ``name`` with the settings of the experiment.
+
+    Raises ExperimentError for another name, and for one that is not made for the experiment's game.
+    """
+    game, settings, algorithm = game or build_game(experiment), experiment.baselines, experiment.algorithm
+    if name == "me_greedy":
+        return _me_greedy(experiment, game)
+    estimator, steps, seed = build_estimator(experiment, game, name), algorithm.steps, experiment.seed
     match name:
         case "bics":
-            return Bics(estimator, steps, experiment.algorithm.window, seed)
+            return Bics(estimator, steps, algorithm.window, seed)
         case "ftl":
             steps = settings.ftl.steps or steps
             return Ftl(estimator, steps, settings.ftl.tolerance, settings.ftl.most_steps, seed)
         case "dlm":
             steps = settings.dlm.steps or steps
             return Dlm(estimator, steps, settings.dlm.window, settings.dlm.tolerance, settings.dlm.most_steps, seed)
-        case "me_greedy":
-            return MeGreedy(game, settings.me_greedy.least_mass)
+        case "me_gradient":  # BICS with nothing to learn but omega
+            return Bics(estimator, settings.me_gradient.steps or steps, algorithm.window, seed)
     raise ExperimentError(f"{name!r} is none of the methods {list(METHODS)}")
 
 
-def build_estimator(experiment: Experiment, game: TabularGame) -> GradientEstimator:
-    """How learners and central methods of the experiment estimate the gradient."""
-    settings, reward = experiment.algorithm, build_reward(experiment, game)
-    finder, expectation = _finder(settings, game, reward), _expectation(settings, game)
-    return GradientEstimator(game, reward, finder, expectation, settings.rollout_start)
+def _me_greedy(experiment: Experiment, game: AnyGame) -> MeGreedy:
+    if isinstance(game, DroneGame):
+        raise ExperimentError("me_greedy tries constraints one by one in a tabular game; for drones, take me_gradient")
+    return MeGreedy(game, experiment.baselines.me_greedy.least_mass)
 
 
-def build_reward(experiment: Experiment, game: TabularGame) -> RewardModel:
-    """r_theta."""
+def build_estimator(experiment: Experiment, game: AnyGame, method: str | None = None) -> GradientEstimator:
+    """How learners of the experiment, or central ``method``, estimate the gradient."""
+    expectation, start = experiment.algorithm.expectation, experiment.algorithm.rollout_start
+    count = experiment.algorithm.rollouts
+    if isinstance(game, DroneGame):
+        model = drone_reward(experiment, game, method)
+        finder = _drone_finder(experiment, game, model)
+        return GradientEstimator(game, model, finder, SampledDroneExpectation(game, count), start)
+    reward = tabular_reward(experiment, game, method)
+    found: Expectation = ExactExpectation(game) if expectation == "exact" else SampledExpectation(game, count)
+    return GradientEstimator(game, reward, _tabular_finder(experiment, game, reward), found, start)
+
+
+def tabular_reward(experiment: Experiment, game: TabularGame, method: str | None = None) -> TabularRewardModel:
+    """r_theta of an enumerable game, as learners or central ``method`` have it."""
     settings = experiment.algorithm.reward
+    if method == "me_gradient":
+        return TrueReward(game)
     if isinstance(settings, NeuralRewardSettings):
         return NeuralReward(game.reward_features, settings.hidden, settings.bound, game.n_experts)
     return LinearReward(game.reward_features)
 
 
-def policy_of(experiment: Experiment, name: str, game: TabularGame) -> Callable[[Parameters], Policy]:
-    """What the theta and omega of a learner or method mean, exactly, whichever way it finds policies itself."""
+def drone_reward(experiment: Experiment, game: DroneGame, method: str | None = None) -> DroneRewardModel:
+    """The same of the drones' game."""
+    settings = experiment.algorithm.reward
+    if method == "me_gradient":
+        return TrueDroneReward(game)
+    if isinstance(settings, NeuralRewardSettings):
+        return NeuralDroneReward(game, settings.hidden, settings.bound)
+    return LinearDroneReward(game)
+
+
+def policy_of(experiment: Experiment, name: str, game: AnyGame) -> Callable[[Parameters], Policy]:
+    """What the theta and omega of a learner or method mean, whichever way it finds policies itself.
+
+    Exactly in an enumerable game, and near-exactly, on a lattice, for one or two drones that are single integrators.
+    For others a soft actor-critic begins anew, and learns as long as it does first.
+    """
     if name == "me_greedy":
-        return MeGreedy(game, experiment.baselines.me_greedy.least_mass).policy
-    finder = SoftBellmanFinder(game, build_reward(experiment, game), game.cost_features)
-    return lambda parameters: finder.find(*parameters)
+        return _me_greedy(experiment, game).policy
+    if isinstance(game, DroneGame):
+        finder: PolicyFinder = _judge(experiment, game, drone_reward(experiment, game, name))
+    else:
+        finder = SoftBellmanFinder(game, tabular_reward(experiment, game, name), game.cost_features)
+    return lambda parameters: finder.find(*parameters, rng=np.random.default_rng(experiment.seed))
 
 
-def _finder(settings: AlgorithmSettings, game: TabularGame, reward: RewardModel) -> PolicyFinder:
-    if isinstance(settings.policy, SoftQSettings):
-        return SoftQFinder(game, reward, game.cost_features, **settings.policy.model_dump(exclude={"kind"}))
+def _tabular_finder(experiment: Experiment, game: TabularGame, reward: TabularRewardModel) -> PolicyFinder:
+    settings = experiment.algorithm.policy
+    if isinstance(settings, SoftQSettings):
+        return SoftQFinder(game, reward, game.cost_features, **settings.model_dump(exclude={"kind"}))
     return SoftBellmanFinder(game, reward, game.cost_features)
 
 
-def _expectation(settings: AlgorithmSettings, game: TabularGame) -> Expectation:
-    if settings.expectation == "exact":
-        return ExactExpectation(game)
-    return SampledExpectation(game, settings.rollouts)
+def _drone_finder(experiment: Experiment, game: DroneGame, reward: DroneRewardModel) -> PolicyFinder:
+    settings = experiment.algorithm.policy
+    if isinstance(settings, LatticeSettings):
+        return LatticeFinder(game, reward, settings.spacing, settings.temperature)
+    from mabirds_core.policies.soft_actor_critic import SacFinder  # torch takes a second to load
+
+    return SacFinder(game, reward, **settings.model_dump(exclude={"kind"}))
+
+
+def _judge(experiment: Experiment, game: DroneGame, reward: DroneRewardModel) -> PolicyFinder:
+    settings = experiment.algorithm.policy
+    small = game.n_experts <= 2 and game.settings.dynamics == "single_integrator"
+    if isinstance(settings, SoftActorCriticSettings) and small:
+        return LatticeFinder(game, reward, JUDGE_SPACING, settings.temperature)
+    return _drone_finder(experiment, game, reward)

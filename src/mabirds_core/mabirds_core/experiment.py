@@ -1,28 +1,28 @@
 """An experiment file: the one typed, validated source of truth for game, algorithm, learners, schedule and bag."""
 
 import json
+import math
 from collections.abc import Iterator
+from functools import reduce
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
 
 from mabirds_core.digest import digest
 from mabirds_core.errors import ExperimentError, MabirdsError
+from mabirds_core.games.drone_settings import DroneSettings
 from mabirds_core.games.patrol import PatrolSettings
-from mabirds_core.generators import (
-    alternating_ring,
-    complete_edges,
-    directed_ring,
-    gossip,
-    random_matching,
-    ring_edges,
-    static,
+from mabirds_core.learning_settings import (
+    AlgorithmSettings,
+    BaselineSettings,
+    LatticeSettings,
+    SoftActorCriticSettings,
+    SoftQSettings,
 )
-from mabirds_core.gradient import RolloutStart
 from mabirds_core.mixing import MixingSettings, StrictMixing
-from mabirds_core.parameters import StepSizes
-from mabirds_core.schedule import EdgeSchedule, End, both_ways, validate
+from mabirds_core.schedule import EdgeSchedule, validate
+from mabirds_core.schedule_settings import LearnerName, ScheduleSettings
 from mabirds_core.settings import Settings
 from mabirds_core.texts import printable, shortened
 from mabirds_core.yaml_files import LARGEST_FILE, read_yaml
@@ -42,155 +42,35 @@ LONGEST_EXPLANATION = 500
 LONGEST_ERROR = 4000
 """Characters of an error, however many settings are wrong."""
 
+MOST_VALUES = 200_000_000
+"""Values that a policy on a lattice may keep: 1.6 gigabytes."""
+
+CHOICES: dict[str, dict[str, tuple[str, ...]]] = {
+    "patrol": {
+        "algorithm.policy.kind": ("soft_value_iteration", "soft_q_learning"),
+        "algorithm.expectation": ("sampled", "exact"),
+        "demonstrations.experts": ("optimal", "soft"),
+    },
+    "drones": {
+        "algorithm.policy.kind": ("lattice", "soft_actor_critic"),
+        "algorithm.expectation": ("sampled",),
+        "demonstrations.experts": ("pilots",),
+    },
+}
+"""What each kind of game leaves to choose."""
+
 RESERVED_NAMES = {"expert_player", "demonstration"}
 """The player's name, and what a status says when a demonstration is missing."""
 
-LearnerName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=60)]
+
+def game_kind(settings: Any) -> str:
+    """Which game is meant; files without ``kind`` mean patrols."""
+    kind = settings.get("kind", "patrol") if isinstance(settings, dict) else getattr(settings, "kind", "patrol")
+    return str(kind)
 
 
-class LinearRewardSettings(Settings):
-    """r_theta = theta^T f."""
-
-    kind: Literal["linear"] = "linear"
-
-
-class NeuralRewardSettings(Settings):
-    """r_theta of a small network, |r_theta| <= bound."""
-
-    kind: Literal["neural"]
-    hidden: int = Field(32, ge=1, le=10_000, description="units of the hidden layer")
-    bound: float = Field(10.0, gt=0, le=1000, description="C: no reward is larger in absolute value")
-
-
-class SoftValueIterationSettings(Settings):
-    """The exact policy, by enumerating the game."""
-
-    kind: Literal["soft_value_iteration"] = "soft_value_iteration"
-
-
-class SoftQSettings(Settings):
-    """A policy learned from episodes, starting from that of the iteration before."""
-
-    kind: Literal["soft_q_learning"]
-    episodes: int = Field(200, ge=1, le=1_000_000, description="episodes a sweep")
-    sweeps: int = Field(4, ge=1, le=1000, description="sweeps an iteration, each with the newest policy")
-    exploration: float = Field(0.2, ge=0, le=1, description="share of actions drawn uniformly")
-
-
-class AlgorithmSettings(Settings):
-    """Algorithm 1's settings."""
-
-    steps: StepSizes
-    window: int = Field(1, ge=1, le=1000, description="l: demonstrations in a gradient")
-    expectation: Literal["sampled", "exact"] = Field("sampled", description="rollouts, or the occupancy measure")
-    rollouts: int = Field(100, ge=1, le=1_000_000, description="m: trajectories a gradient, where sampled")
-    rollout_start: RolloutStart = Field("initial", description="roll out from P_0, or where demonstrations began")
-    reward: LinearRewardSettings | NeuralRewardSettings = Field(
-        LinearRewardSettings(), discriminator="kind", description="the reward model"
-    )
-    policy: SoftValueIterationSettings | SoftQSettings = Field(
-        SoftValueIterationSettings(), discriminator="kind", description="how the policy is found"
-    )
-
-
-class FtlSettings(Settings):
-    """Follow the leader."""
-
-    steps: StepSizes | None = Field(None, description="step sizes; default: the algorithm's")
-    tolerance: float = Field(0.3, gt=0, description="largest entry of a gradient that counts as stationary")
-    most_steps: int = Field(50, ge=1, le=100_000, description="gradient steps an iteration")
-
-
-class DlmSettings(Settings):
-    """The double loop."""
-
-    steps: StepSizes | None = Field(None, description="step sizes; default: the algorithm's")
-    tolerance: float = Field(0.5, gt=0, description="largest entry of the inner gradient that counts as solved")
-    most_steps: int = Field(50, ge=1, le=100_000, description="inner steps an iteration")
-    window: int = Field(10, ge=1, le=1000, description="l: iterations whose demonstrations make a loss")
-
-
-class MeGreedySettings(Settings):
-    """Maximum-likelihood constraint inference with the true reward given."""
-
-    least_mass: float = Field(0.01, gt=0, lt=1, description="probability that a new constraint must remove")
-
-
-class BaselineSettings(Settings):
-    """The central methods that the experiment is compared with. BICS takes the settings of the algorithm."""
-
-    ftl: FtlSettings = FtlSettings()
-    dlm: DlmSettings = DlmSettings()
-    me_greedy: MeGreedySettings = MeGreedySettings()
-
-
-class StaticSchedule(Settings):
-    """The same undirected edges at every iteration."""
-
-    kind: Literal["static"]
-    graph: Literal["complete", "ring"] = "complete"
-
-    def build(self, learners: tuple[str, ...]) -> EdgeSchedule:
-        """The schedule for these learners."""
-        edges = {"complete": complete_edges, "ring": ring_edges}[self.graph]
-        return static(learners, edges(len(learners)))
-
-
-class AlternatingSchedule(Settings):
-    """Every other edge of the ring of learners, in turns."""
-
-    kind: Literal["alternating"]
-
-    def build(self, learners: tuple[str, ...]) -> EdgeSchedule:
-        """The schedule for these learners."""
-        return alternating_ring(learners)
-
-
-class DirectedRingSchedule(Settings):
-    """Each learner sends to the next, the last to the first."""
-
-    kind: Literal["directed_ring"]
-
-    def build(self, learners: tuple[str, ...]) -> EdgeSchedule:
-        """The schedule for these learners."""
-        return directed_ring(learners)
-
-
-class RandomSchedule(Settings):
-    """Random pairs: a matching of all learners in every slot, or a single pair (gossip)."""
-
-    kind: Literal["random_matching", "gossip"]
-    slots: int = Field(ge=1, le=100_000, description="drawn once, then repeated")
-    seed: int = Field(0, ge=0)
-
-    def build(self, learners: tuple[str, ...]) -> EdgeSchedule:
-        """The schedule for these learners; raises ScheduleError where the slots are too few to connect them."""
-        generator = {"random_matching": random_matching, "gossip": gossip}[self.kind]
-        return generator(learners, self.slots, self.seed)
-
-
-class ExplicitSchedule(Settings):
-    """Slots written out: lists of [sender, receiver] names."""
-
-    kind: Literal["slots"]
-    slots: tuple[tuple[tuple[LearnerName, LearnerName], ...], ...] = Field(min_length=1)
-    undirected: bool = Field(False, description="open every edge both ways")
-    end: End = Field("repeat", description="after the last slot: repeat them, hold the last one, or stop")
-
-    def build(self, learners: tuple[str, ...]) -> EdgeSchedule:
-        """The schedule for these learners; raises ExperimentError for a name that is none of them."""
-        index = {name: number for number, name in enumerate(learners)}
-        for name in (name for slot in self.slots for edge in slot for name in edge):
-            if name not in index:
-                raise ExperimentError(f"schedule: {name!r} is none of the learners {list(learners)}")
-        slots = [[(index[sender], index[receiver]) for sender, receiver in slot] for slot in self.slots]
-        opened = tuple(both_ways(slot) if self.undirected else frozenset(slot) for slot in slots)
-        return EdgeSchedule(learners, opened, self.end)
-
-
-ScheduleSettings = Annotated[
-    StaticSchedule | AlternatingSchedule | DirectedRingSchedule | RandomSchedule | ExplicitSchedule,
-    Field(discriminator="kind"),
+GameSettings = Annotated[
+    Annotated[PatrolSettings, Tag("patrol")] | Annotated[DroneSettings, Tag("drones")], Discriminator(game_kind)
 ]
 
 
@@ -200,7 +80,10 @@ class DemonstrationSettings(Settings):
     bag: Path = Field(description="rosbag2 directory, relative to the experiment file")
     per_learner: int = Field(40, ge=1, le=1_000_000, description="demonstrations a learner")
     period: float = Field(1.0, gt=0, le=86_400, description="seconds between two demonstrations in the recording")
-    experts: Literal["optimal", "soft"] = Field("optimal", description="least cost, or maximum entropy")
+    experts: Literal["optimal", "soft", "pilots"] = Field(
+        "optimal", description="least cost, maximum entropy, or pilots of drones"
+    )
+    side: Literal["by_start", "random"] = Field("by_start", description="what decides on which side pilots pass")
     seed: int = Field(0, ge=0, description="of the experts' choices")
 
 
@@ -208,7 +91,7 @@ class Experiment(Settings):
     """One experiment; see ros_ws/config for commented examples."""
 
     name: str = Field(pattern=r"^[a-z0-9][a-z0-9_-]*$")
-    game: PatrolSettings
+    game: GameSettings
     algorithm: AlgorithmSettings
     learners: tuple[LearnerName, ...] = Field(min_length=1, max_length=1000)
     schedule: ScheduleSettings
@@ -231,14 +114,44 @@ class Experiment(Settings):
                 f"iterations {self.iterations}: expected at most demonstrations.per_learner,"
                 f" {self.demonstrations.per_learner}; record more, or learn fewer"
             )
+        self._check_choices()
         self._check_rollouts()
+        if isinstance(self.algorithm.policy, LatticeSettings):
+            self._check_lattice(self.algorithm.policy)
         return self
+
+    def _check_choices(self) -> None:
+        """Finders, expectations and experts must be made for the game."""
+        for name, fitting in CHOICES[self.game.kind].items():
+            given = reduce(getattr, name.split("."), self)
+            if given not in fitting:
+                raise ExperimentError(f"{name} {given!r}: the game is {self.game.kind}; take one of {list(fitting)}")
+
+    def _check_lattice(self, lattice: LatticeSettings) -> None:
+        """One or two drones, and values that fit into memory."""
+        game = self.game
+        if not isinstance(game, DroneSettings):
+            return
+        if game.n_experts > 2 or game.dynamics != "single_integrator":
+            raise ExperimentError(
+                f"algorithm.policy lattice: made for one or two single integrators, found {game.n_experts} drones that"
+                f" are {game.dynamics}s; take soft_actor_critic"
+            )
+        nodes = math.prod(float(count) for count in game.lattice(lattice.spacing))
+        values = nodes**game.n_experts * (game.horizon + 2)
+        if values > MOST_VALUES or min(game.lattice(lattice.spacing)) < 2:
+            raise ExperimentError(
+                f"algorithm.policy.spacing {lattice.spacing:g} m makes {values:.2g} values, expected at most"
+                f" {MOST_VALUES:.2g}; take a larger one"
+            )
 
     def _check_rollouts(self) -> None:
         """What is rolled out at once must fit into memory."""
         counts, most = {"rollouts": self.algorithm.rollouts}, MOST_STEPS // (self.game.horizon + 1)
         if isinstance(self.algorithm.policy, SoftQSettings):
             counts["policy.episodes"] = self.algorithm.policy.episodes
+        if isinstance(self.algorithm.policy, SoftActorCriticSettings):
+            counts["policy.rollouts"] = self.algorithm.policy.rollouts
         for name, count in counts.items():
             if count > most:
                 raise ExperimentError(

@@ -7,7 +7,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from mabirds_core.arrays import Array, Vector
-from mabirds_core.games.interface import RewardFeatureMap, TabularFeatureMap, Visitation
+from mabirds_core.games.interface import RewardFeatureMap, TabularFeatureMap, TabularGame, Visitation
 
 
 class RewardModel(Protocol):
@@ -128,3 +128,27 @@ class NeuralReward:
         of_hidden = of_output[:, None] * np.tanh(layers.outputs) * (1 - active**2)
         of_outputs = (of_output @ active) * (1 - np.tanh(layers.outputs) ** 2)
         return np.concatenate([(of_hidden.T @ self._x).ravel(), of_hidden.sum(axis=0), of_outputs])
+
+
+@dataclass(frozen=True)
+class TrueReward:
+    """The experts' own reward of a tabular game, for methods that are given it. theta is empty."""
+
+    game: TabularGame
+
+    @property
+    def size(self) -> int:
+        """0."""
+        return 0
+
+    def initial(self, rng: np.random.Generator) -> Vector:  # noqa: ARG002 - nothing to draw
+        """Empty."""
+        return np.zeros(0)
+
+    def table(self, theta: Vector) -> Array:  # noqa: ARG002 - no parameters
+        """The true reward, shape (S, A)."""
+        return self.game.task_reward
+
+    def gradient(self, theta: Vector, visitation: Visitation) -> Vector:  # noqa: ARG002 - no parameters
+        """Empty."""
+        return np.zeros(0)

@@ -1,14 +1,17 @@
 """Recording expert demonstrations to a bag: one topic a learner, the same messages from the same seed."""
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from mabirds_core.assembly import build_game
+from mabirds_core.assembly import AnyGame, build_game
 from mabirds_core.experiment import Experiment
-from mabirds_core.games.interface import TabularGame, Trajectories
+from mabirds_core.games.drones import DroneGame
+from mabirds_core.games.interface import Trajectories
 from mabirds_expert_player.experts import KINDS, demonstrations
+from mabirds_expert_player.pilots import Pilots, pilot_demonstrations
 from mabirds_msgs_py.bag_writer import BagWriter
 from mabirds_msgs_py.conversion import NANOSECONDS, demonstration_message
 from mabirds_msgs_py.topics import bag_topic
@@ -33,11 +36,14 @@ def record(experiment: Experiment, directory: Path, on_demonstration: Callable[[
                 on_demonstration()
 
 
-def expert_streams(experiment: Experiment, game: TabularGame) -> dict[str, Iterator[Trajectories]]:
+def expert_streams(experiment: Experiment, game: AnyGame) -> dict[str, Iterator[Trajectories]]:
     """The experts' demonstrations for each learner; each stream is drawn with a generator of its own."""
     settings = experiment.demonstrations
-    experts = KINDS[settings.experts](game)
+    if isinstance(game, DroneGame):
+        draw = partial(pilot_demonstrations, Pilots(game, settings.side), settings.per_learner)
+    else:
+        draw = partial(demonstrations, KINDS[settings.experts](game), settings.per_learner)
     return {
-        learner: demonstrations(experts, settings.per_learner, np.random.default_rng([settings.seed, index]))
+        learner: draw(np.random.default_rng([settings.seed, index]))
         for index, learner in enumerate(experiment.learners)
     }

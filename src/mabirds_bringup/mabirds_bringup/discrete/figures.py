@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from mabirds_bringup.discrete.cases import HARD, MAIN, VARIATIONS
 from mabirds_bringup.discrete.outcome import Outcome
 from mabirds_bringup.maps import draw_map, draw_ways
+from mabirds_core.assembly import patrol_game
 from mabirds_core.experiment import Experiment
 from mabirds_core.games.patrol import PatrolGame
 from mabirds_expert_player.recorder import expert_streams
@@ -29,7 +30,7 @@ def save_figures(main: Experiment, hard: Experiment, outcomes: Sequence[Outcome]
     of[VARIATIONS] = [one for one in of[VARIATIONS] if one.learner == "learner_1"]
     figures = {"game.png": game_figure(main), "game_many_starts.png": game_figure(hard)}
     if of[MAIN]:
-        figures["policies.png"] = policies_figure(PatrolGame(main.game), of[MAIN])
+        figures["policies.png"] = policies_figure(patrol_game(main), of[MAIN])
         figures["roc.png"] = roc_figure(of[MAIN])
     for group, name in ((MAIN, "rates.png"), (HARD, "rates_many_starts.png"), (VARIATIONS, "variations.png")):
         if of[group]:
@@ -42,7 +43,7 @@ def save_figures(main: Experiment, hard: Experiment, outcomes: Sequence[Outcome]
 
 def game_figure(experiment: Experiment) -> Figure:
     """As Figure 2a: the map, starts and goals, and some demonstrations of each expert."""
-    game = PatrolGame(experiment.game)
+    game = patrol_game(experiment)
     stream = next(iter(expert_streams(experiment, game).values()))
     shown = [one for one, _ in zip(stream, range(SHOWN_DEMONSTRATIONS), strict=False)]
     figure, axes = plt.subplots(

@@ -8,7 +8,7 @@ import numpy as np
 
 from mabirds_bringup.discrete.cases import Case
 from mabirds_bringup.evaluation import visits
-from mabirds_core.assembly import build_game, policy_of
+from mabirds_core.assembly import patrol_game, policy_of
 from mabirds_core.experiment import Experiment
 from mabirds_core.games.patrol import PatrolGame
 from mabirds_core.metrics import constraint_errors, exact_imitation, learned_constraints
@@ -48,7 +48,7 @@ class Outcome:
 def run_case(case: Case, seed: int) -> list[Outcome]:
     """One outcome a learner."""
     experiment = case.seeded(seed)
-    game = build_game(experiment)
+    game = patrol_game(experiment)
     streams = {
         learner: list(islice(stream, experiment.iterations))
         for learner, stream in expert_streams(experiment, game).items()

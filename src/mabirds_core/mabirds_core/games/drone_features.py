@@ -119,8 +119,9 @@ class DroneCostFeatures:
         return np.asarray(1 - np.exp(-away / (2 * door.radius**2)))
 
     def _bumps(self, distances: Array) -> Array:
-        """exp(-d^2 / 2 width^2), shape (*distances.shape, widths)."""
-        return np.asarray(np.exp(-(distances[..., None] ** 2) / (2 * self._widths**2)))
+        """scale exp(-d^2 / 2 width^2), shape (*distances.shape, widths)."""
+        scale = self._game.settings.features.distance_scale
+        return np.asarray(scale * np.exp(-(distances[..., None] ** 2) / (2 * self._widths**2)))
 
     def total(self, visitation: Visitation) -> Vector:
         """sum_k weights[k] phi(states[k], actions[k]), shape (K,)."""

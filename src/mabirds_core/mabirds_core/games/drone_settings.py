@@ -36,6 +36,7 @@ class DroneFeatureSettings(Settings):
     cost_spacing: Length = Field(0.375, description="between the cost features' bumps [m]")
     cost_width: Length = Field(0.2, description="of the cost features' bumps [m]")
     distance_widths: tuple[Length, ...] = Field((0.2, 0.4, 0.6), description="of the bumps of two drones' distance [m]")
+    distance_scale: float = Field(1.0, gt=0, le=1000, description="how often those count: drones seldom meet")
     effort_scale: float = Field(0.1, ge=0, le=1000, description="of the feature (|action| / largest action)^2")
     reward_spacing: Length = Field(0.5, description="between the linear reward's bumps [m]")
     reward_width: Length = Field(0.4, description="of the linear reward's bumps [m]")

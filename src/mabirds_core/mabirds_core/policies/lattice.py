@@ -76,7 +76,7 @@ class Lattice:
     @cached_property
     def nodes(self) -> Array:
         """Shape (S, 2)."""
-        return np.stack(np.meshgrid(*self.axes, indexing="ij"), axis=-1).reshape(-1, 2)
+        return np.asarray(np.stack(np.meshgrid(*self.axes, indexing="ij"), axis=-1).reshape(-1, 2))
 
     @cached_property
     def moves(self) -> tuple[Array, Vector]:
@@ -92,7 +92,7 @@ class Lattice:
     def pair_distances(self) -> Array:
         """Metres between every two nodes, shape (S, S)."""
         x, y = np.moveaxis(self.nodes[:, None] - self.nodes, -1, 0)
-        return np.hypot(x, y)
+        return np.asarray(np.hypot(x, y))
 
     def windows(self, places: Array) -> Windows:
         """For M places of all drones, shape (M, N_E, 2)."""
@@ -139,22 +139,17 @@ class LatticePolicy:
 
     def log_weights(self, step: int, states: Array) -> Array:
         """log mu(a) + Q_t(s, a) / tau up to terms that depend on s alone, shape (M, A, A), or (M, A, 1)."""
-        game = self.lattice.game
-        windows = self.lattice.windows(game.positions(states))
+        game, ahead = self.lattice.game, self.values[step + 1]
+        windows, drones = self.lattice.windows(game.positions(states)), game.drones(states)
         alone = [
-            move_rewards(self.lattice, self.rewards, i, game.drones(states)[:, i], self.temperature)
-            for i in range(game.n_experts)
+            move_rewards(self.lattice, self.rewards, i, drones[:, i], self.temperature) for i in range(game.n_experts)
         ]
-        first, second = (
-            (windows.nodes[:, 0], windows.nodes[:, -1]) if game.n_experts == 2 else (windows.nodes[:, 0], None)
-        )
-        ahead = self.values[step + 1]
-        if second is None:
-            backup = windows.weights[:, 0] @ ahead[first]
-            return alone[0][:, :, None] + game.discount * backup
-        around = ahead[first[:, :, None], second[:, None, :]]
+        first = windows.nodes[:, 0]
+        if game.n_experts == 1:
+            return np.asarray(alone[0][:, :, None] + game.discount * (windows.weights[:, 0] @ ahead[first]))
+        around = ahead[first[:, :, None], windows.nodes[:, 1][:, None, :]]
         backup = windows.weights[:, 0] @ around @ windows.weights[:, 1].swapaxes(1, 2)
-        return alone[0][:, :, None] + alone[1][:, None, :] + game.discount * backup
+        return np.asarray(alone[0][:, :, None] + alone[1][:, None, :] + game.discount * backup)
 
 
 def move_rewards(
