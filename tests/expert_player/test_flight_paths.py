@@ -163,9 +163,10 @@ def test_with_a_free_view_of_the_door_a_way_is_straight(start: tuple[float, floa
     np.testing.assert_allclose(ahead[0] * offset[:, 1] - ahead[1] * offset[:, 0], 0.0, atol=1e-9)
 
 
-def test_a_side_that_the_wall_closes_is_none() -> None:
-    made = planner([(3.0, 4.4, 1.38)])  # at the wall 0.22 m are left, and a drone is 0.24 m wide
-    assert set(made.corridors[0]) == {RIGHT}
+@pytest.mark.parametrize(("y", "side"), [(4.4, RIGHT), (1.6, LEFT)])
+def test_a_side_that_the_wall_closes_is_none(y: float, side: int) -> None:
+    made = planner([(3.0, y, 1.38)])  # at the wall 0.22 m are left, and a drone is 0.24 m wide
+    assert set(made.corridors[0]) == {side}
 
 
 def test_a_side_that_takes_too_long_is_none() -> None:

@@ -79,28 +79,25 @@ def sides_taken(played: DroneGame, flight: Trajectories) -> list[int]:
     return [side_taken(way[:, drone], *TASKS[drone]) for drone in range(played.n_experts)]
 
 
-CASES = {
-    "by start": ("by_start", {}),
-    "random": ("random", {}),
-    "one drone": ("random", {"tasks": TASKS[:1]}),
-    "double integrators": ("random", {"dynamics": "double_integrator"}),
-    "slow double integrators": ("by_start", {"dynamics": "double_integrator", "max_acceleration": 0.7}),
-    "three drones, no pillars": (
-        "random",
-        {"tasks": [*TASKS, ((0.6, 3.0), (5.5, 3.0))], "pillars": [], "horizon": 50},
-    ),
-    "fast and fine steps": ("random", {"time_step": 0.1, "horizon": 70, "max_speed": 1.5}),
+CASES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
+    "by start": ({"side": "by_start"}, {}),
+    "random": ({}, {}),
+    "careless": ({"comfort": (0.0, 0.2), "noise": 0.15, "berth": 0.05}, {}),
+    "one drone": ({}, {"tasks": TASKS[:1]}),
+    "double integrators": ({}, {"dynamics": "double_integrator"}),
+    "slow double integrators": ({"side": "by_start"}, {"dynamics": "double_integrator", "max_acceleration": 0.7}),
+    "three drones, no pillars": ({}, {"tasks": [*TASKS, ((0.6, 3.0), (5.5, 3.0))], "pillars": [], "horizon": 50}),
+    "fast and fine steps": ({}, {"time_step": 0.1, "horizon": 70, "max_speed": 1.5}),
 }
-
-
+"""What differs in pilots and in their game."""
 COUNT = {"by start": 100, "random": 100}
 
 
 @pytest.fixture(scope="module", params=CASES)
 def case(request: pytest.FixtureRequest) -> tuple[DroneGame, list[Trajectories]]:
-    side, changes = CASES[request.param]
+    ways, changes = CASES[request.param]
     played = game(**changes)
-    return played, drawn(Pilots(played, side), COUNT.get(request.param, 30))
+    return played, drawn(Pilots(played, **({"side": "random"} | ways)), COUNT.get(request.param, 30))
 
 
 def test_no_flight_violates_anything(case: tuple[DroneGame, list[Trajectories]]) -> None:
@@ -110,9 +107,9 @@ def test_no_flight_violates_anything(case: tuple[DroneGame, list[Trajectories]])
         way = dense(places(played, flight))
         for pillar in played.settings.pillars:
             distance = np.hypot(*np.moveaxis(way - pillar.centre, -1, 0))
-            assert distance.min() >= pillar.radius + 0.12 + 0.05 - 1e-9
+            assert distance.min() >= pillar.radius + 0.12 + Pilots.margin - 1e-9
         for i, j in combinations(range(played.n_experts), 2):
-            assert np.hypot(*(way[:, i] - way[:, j]).T).min() >= 0.35 + 0.05 - 1e-9
+            assert np.hypot(*(way[:, i] - way[:, j]).T).min() >= 0.35 + Pilots.margin - 1e-9
 
 
 def test_all_arrive_and_then_do_nothing(case: tuple[DroneGame, list[Trajectories]]) -> None:
@@ -214,13 +211,21 @@ def test_starts_are_drawn_once_a_demonstration(monkeypatch: pytest.MonkeyPatch) 
 
 def test_pilots_differ_in_speed_and_in_their_ways() -> None:
     played = game()
-    flights = drawn(Pilots(played, "by_start"), 60)
+    flights = drawn(Pilots(played, "by_start", cruise=(0.8, 1.0)), 60)
     times = np.array([arrivals(played, flight) for flight in flights])
     assert all(len(set(times[:, drone])) >= 6 for drone in range(2))
     assert (times.std(axis=0) >= 2).all()
-    left = [places(played, flight)[:, 0] for flight in flights if sides_taken(played, flight)[0] == LEFT]
-    least = [np.hypot(*(dense(way[:, None])[:, 0] - (3.0, 3.0)).T).min() for way in left]
-    assert np.std(least) > 0.05
+
+
+def test_pilots_differ_in_the_distance_that_they_keep() -> None:
+    played = game()
+    steady, varied = (Pilots(played, "by_start", noise=0.0, comfort=(low, 0.5)) for low in (0.5, 0.2))
+    least = [
+        [np.hypot(*(dense(places(played, flight))[:, 0] - (3.0, 3.0)).T).min() for flight in drawn(pilots, 40)]
+        for pilots in (steady, varied)
+    ]
+    assert np.std(least[0]) < 0.02 < 0.05 < np.std(least[1])
+    assert np.mean(least[1]) < np.mean(least[0]) - 0.05
 
 
 def test_flights_are_smooth() -> None:
@@ -313,7 +318,7 @@ def test_a_wall_of_pillars_is_infeasible() -> None:
         " 1 m/s; move the pillars, the start or the door, or raise the horizon"
     )
     with pytest.raises(InfeasibleError, match=re.escape(expected)):
-        drawn(Pilots(wall, "random"), 1)
+        drawn(Pilots(wall, "random", margin=0.05), 1)
 
 
 def test_a_horizon_that_is_too_short_is_infeasible() -> None:
@@ -326,5 +331,5 @@ def test_drones_that_start_too_close_to_each_other_are_infeasible() -> None:
     close = game([((1.0, 0.6), (5.5, 5.5)), ((1.38, 0.6), (0.5, 5.5))], [], spread=0.0)
     expected = f"none of {INTENTIONS * FLIGHTS} flights will do as a demonstration: 200 came too near to each other;"
     with pytest.raises(InfeasibleError, match=re.escape(expected)):
-        drawn(Pilots(close, "random"), 1)
+        drawn(Pilots(close, "random", margin=0.05), 1)
     assert len(drawn(Pilots(close, "random", margin=0.01), 1)) == 1

@@ -15,6 +15,7 @@ from mabirds_core.games.interface import Trajectories
 from mabirds_core.gradient import stacked
 from mabirds_core.mixing import ResilientMixing
 from mabirds_core.parameters import Parameters
+from mabirds_core.policies.interface import Policy
 
 History = dict[str, list[Parameters]]
 """theta(n), omega(n) by the name of the learner or method; entry k is iteration n = k + 1."""
@@ -24,11 +25,12 @@ Streams = Mapping[str, Sequence[Trajectories]]
 
 
 class Progress(NamedTuple):
-    """One update of one learner or method: how long it took, and all work since the beginning."""
+    """One update of one learner or method: how long it took, all work since the beginning, the policy it found."""
 
     name: str
     seconds: float
     work: Work
+    policy: Policy = None
 
 
 OnUpdate = Callable[[Progress], None]
@@ -55,7 +57,8 @@ def simulate(experiment: Experiment, demonstrations: Streams, on_update: OnUpdat
             else:
                 start = perf_counter()
                 states[name] = learner.update(states[name], demonstrations[name][iteration - 1], neighbours).state
-                on_update(Progress(name, perf_counter() - start, Work(iteration, iteration)))
+                seconds = perf_counter() - start
+                on_update(Progress(name, seconds, Work(iteration, iteration), states[name].policy))
             history[name].append(states[name].parameters)
     return history
 
@@ -104,7 +107,7 @@ def simulate_central(
         start = perf_counter()
         state = method.update(state, pooled)
         history[name].append(state.parameters)
-        on_update(Progress(name, perf_counter() - start, state.work))
+        on_update(Progress(name, perf_counter() - start, state.work, state.policy))
     return history
 
 
