@@ -82,7 +82,7 @@ def sides_taken(played: DroneGame, flight: Trajectories) -> list[int]:
 CASES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "by start": ({"side": "by_start"}, {}),
     "random": ({}, {}),
-    "careless": ({"comfort": (0.0, 0.2), "noise": 0.15, "berth": 0.05}, {}),
+    "careless": ({"comfort": (0.15, 0.3), "berth": 0.1}, {}),
     "one drone": ({}, {"tasks": TASKS[:1]}),
     "double integrators": ({}, {"dynamics": "double_integrator"}),
     "slow double integrators": ({"side": "by_start"}, {"dynamics": "double_integrator", "max_acceleration": 0.7}),
@@ -224,7 +224,8 @@ def test_pilots_differ_in_the_distance_that_they_keep() -> None:
         [np.hypot(*(dense(places(played, flight))[:, 0] - (3.0, 3.0)).T).min() for flight in drawn(pilots, 40)]
         for pilots in (steady, varied)
     ]
-    assert np.std(least[0]) < 0.02 < 0.05 < np.std(least[1])
+    assert np.std(least[0]) < 0.02
+    assert np.std(least[1]) > 0.05
     assert np.mean(least[1]) < np.mean(least[0]) - 0.05
 
 

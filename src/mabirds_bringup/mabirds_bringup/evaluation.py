@@ -62,7 +62,7 @@ class Evaluation:
 
 
 EXACT = "exact: by following the policy's probability mass, not by sampling"
-FLIGHTS = 1000
+FLIGHTS = 500
 """Flights that judge a policy of drones."""
 
 MOST_JUDGED = 13

@@ -23,7 +23,6 @@ from mabirds_core.mixing import ResilientMixing
 from mabirds_core.parameters import Parameters
 from mabirds_core.policies.drone_rollouts import SampledDroneExpectation
 from mabirds_core.policies.interface import Expectation, Policy, PolicyFinder
-from mabirds_core.policies.lattice import LatticeFinder
 from mabirds_core.policies.occupancy import ExactExpectation, SampledExpectation
 from mabirds_core.policies.soft_bellman import SoftBellmanFinder
 from mabirds_core.policies.soft_q_learning import SoftQFinder
@@ -179,8 +178,8 @@ def _tabular_finder(experiment: Experiment, game: TabularGame, reward: TabularRe
 def _drone_finder(experiment: Experiment, game: DroneGame, reward: DroneRewardModel) -> PolicyFinder:
     settings = experiment.algorithm.policy
     if isinstance(settings, LatticeSettings):
-        return LatticeFinder(game, reward, settings.spacing, settings.temperature)
-    from mabirds_core.policies.soft_actor_critic import SacFinder  # torch takes a second to load
+        return _lattice_finder(game, reward, settings.spacing, settings.temperature)
+    from mabirds_core.policies.soft_actor_critic import SacFinder  # torch takes a second to load, and 200 MB
 
     return SacFinder(game, reward, **settings.model_dump(exclude={"kind"}))
 
@@ -189,5 +188,11 @@ def _judge(experiment: Experiment, game: DroneGame, reward: DroneRewardModel) ->
     settings = experiment.algorithm.policy
     small = game.n_experts <= 2 and game.settings.dynamics == "single_integrator"
     if isinstance(settings, SoftActorCriticSettings) and small:
-        return LatticeFinder(game, reward, JUDGE_SPACING, settings.temperature)
+        return _lattice_finder(game, reward, JUDGE_SPACING, settings.temperature)
     return _drone_finder(experiment, game, reward)
+
+
+def _lattice_finder(game: DroneGame, reward: DroneRewardModel, spacing: float, temperature: float) -> PolicyFinder:
+    from mabirds_core.policies.lattice import LatticeFinder  # scipy is for drones: patrols do without
+
+    return LatticeFinder(game, reward, spacing, temperature)

@@ -35,8 +35,8 @@ class LinearDroneReward:
         """The visitation's total of the features."""
         return self.game.reward_features.total(visitation)
 
-    def alone(self, theta: Vector, drone: int, states: Array, actions: Array) -> Vector:
-        """theta^T f of one drone, shape (M,)."""
+    def alone(self, theta: Vector, drone: int, states: Array, actions: Array) -> Array:
+        """theta^T f of one drone."""
         return self.game.reward_features.alone(theta, drone, states, actions)
 
     def together(self, theta: Vector, pair: int, distances: Array) -> Array:
@@ -75,31 +75,30 @@ class NeuralDroneReward:
         import torch
 
         places = self._scaled(self.game.positions(visitation.states))
-        weights = torch.from_numpy(np.ascontiguousarray(visitation.weights))
-        one = torch.from_numpy(theta)
+        weights, one = torch.tensor(visitation.weights), torch.tensor(theta)
         return np.asarray(torch.func.grad(lambda t: weights @ self._rewards(t, places).sum(dim=1))(one))
 
-    def alone(self, theta: Vector, drone: int, states: Array, actions: Array) -> Vector:  # noqa: ARG002 - of places
-        """w_i of one drone, shape (M,)."""
+    def alone(self, theta: Vector, drone: int, states: Array, actions: Array) -> Array:  # noqa: ARG002 - of places
+        """w_i of one drone."""
         import torch
 
-        places = self._scaled(states[:, None, :2])
-        own = torch.from_numpy(theta.reshape(self.game.n_experts, -1)[drone].copy())
-        return np.asarray(self._rewards(own, places)[:, 0])
+        places = self._scaled(states[..., None, :2])
+        own = torch.tensor(theta.reshape(self.game.n_experts, -1)[drone])
+        return np.asarray(self._rewards(own, places)[..., 0])
 
     def together(self, theta: Vector, pair: int, distances: Array) -> Array:  # noqa: ARG002 - each drone has its own
         """Nothing."""
         return np.zeros(distances.shape)
 
     def _scaled(self, places: Array) -> Any:
-        """Places (M, n, 2) from -1 to 1 along each axis of the room, as a tensor."""
+        """Places (..., n, 2) from -1 to 1 along each axis of the room, as a tensor."""
         import torch
 
         return torch.from_numpy(2 * places / self.game.room - 1)
 
     def _rewards(self, theta: Any, places: Any) -> Any:
-        """w_i at scaled places (M, n, 2) of the n drones whose parameters ``theta`` holds, shape (M, n)."""
-        count = places.shape[1]
+        """w_i at scaled places (..., n, 2) of the n drones whose parameters ``theta`` holds, shape (..., n)."""
+        count = places.shape[-2]
         u_x, u_y, bias, outputs = theta.reshape(count, 4, self.hidden).unbind(1)
         units = (places[..., :1] * u_x + places[..., 1:] * u_y + bias).tanh()
         return self.bound / self.game.n_experts * (units * outputs.tanh()).sum(-1).tanh()
@@ -127,10 +126,10 @@ class TrueDroneReward:
         """Empty."""
         return np.zeros(0)
 
-    def alone(self, theta: Vector, drone: int, states: Array, actions: Array) -> Vector:  # noqa: ARG002
-        """-step_cost where the drone is not at its door, shape (M,)."""
+    def alone(self, theta: Vector, drone: int, states: Array, actions: Array) -> Array:  # noqa: ARG002
+        """-step_cost where the drone is not at its door."""
         door = self.game.settings.drones[drone].door
-        there = ((states[:, :2] - door.centre) ** 2).sum(axis=1) <= door.radius**2
+        there = ((states[..., :2] - door.centre) ** 2).sum(axis=-1) <= door.radius**2
         return np.where(there, 0.0, -self.game.settings.step_cost)
 
     def together(self, theta: Vector, pair: int, distances: Array) -> Array:  # noqa: ARG002 - none

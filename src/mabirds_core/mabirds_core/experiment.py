@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Iterator
-from functools import reduce
+from operator import attrgetter
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -123,7 +123,7 @@ class Experiment(Settings):
     def _check_choices(self) -> None:
         """Finders, expectations and experts must be made for the game."""
         for name, fitting in CHOICES[self.game.kind].items():
-            given = reduce(getattr, name.split("."), self)
+            given = attrgetter(name)(self)
             if given not in fitting:
                 raise ExperimentError(f"{name} {given!r}: the game is {self.game.kind}; take one of {list(fitting)}")
 
@@ -139,7 +139,7 @@ class Experiment(Settings):
             )
         nodes = math.prod(float(count) for count in game.lattice(lattice.spacing))
         values = nodes**game.n_experts * (game.horizon + 2)
-        if values > MOST_VALUES or min(game.lattice(lattice.spacing)) < 2:
+        if values > MOST_VALUES:
             raise ExperimentError(
                 f"algorithm.policy.spacing {lattice.spacing:g} m makes {values:.2g} values, expected at most"
                 f" {MOST_VALUES:.2g}; take a larger one"
@@ -229,7 +229,13 @@ def _json(content: dict[str, Any]) -> str:
 
 def _explanations(error: ValidationError) -> Iterator[str]:
     for problem in error.errors():
-        place = printable(".".join(str(part) for part in problem["loc"])) or "experiment"
+        place = printable(".".join(_setting(problem["loc"]))) or "experiment"
         given = shortened(repr(problem["input"]), LONGEST_VALUE)
         explanation = shortened(problem["msg"].removeprefix("Value error, "), LONGEST_EXPLANATION)
         yield f"{place}: {explanation}" + ("" if isinstance(problem["input"], dict) else f" (given: {given})")
+
+
+def _setting(location: tuple[int | str, ...]) -> Iterator[str]:
+    """Levels of the file down to a setting; the kind of the game, which pydantic names after it, is none."""
+    levels = location[:1] + location[2:] if location[0:1] == ("game",) else location
+    return map(str, levels)

@@ -42,7 +42,7 @@ class LatticeSettings(Settings):
     """Near-exact: soft value iteration on a lattice, for one or two drones that are single integrators."""
 
     kind: Literal["lattice"]
-    spacing: float = Field(0.3, gt=0, le=1000, description="largest distance of two nodes [m]")
+    spacing: float = Field(0.3, ge=1e-6, le=1000, description="largest distance of two nodes [m]")
     temperature: float = Field(1.0, gt=0, le=1000, description="tau: the policy is that of the reward divided by it")
 
 

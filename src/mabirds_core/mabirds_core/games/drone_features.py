@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 class DroneReward(Protocol):
     """A reward of the drone game, or a cost, that a vector of weights or parameters decides."""
 
-    def alone(self, weights: Vector, drone: int, states: Array, actions: Array) -> Vector:
-        """Terms of one drone for its M states (M, D) and actions (M, 2), shape (M,)."""
+    def alone(self, weights: Vector, drone: int, states: Array, actions: Array) -> Array:
+        """Terms of one drone for its states (..., D) and actions (..., 2), shapes that fit; result (...)."""
         ...
 
     def together(self, weights: Vector, pair: int, distances: Array) -> Array:
@@ -77,10 +77,11 @@ class BumpLattice:
         x, y = self.along(places)
         return np.asarray((x.T * weights) @ y).ravel()
 
-    def values(self, weights: Vector, places: Array) -> Vector:
-        """The weighted sum of the bumps at M places, shape (M,)."""
-        x, y = self.along(places)
-        return np.asarray(((x @ weights.reshape(len(self.axes[0]), -1)) * y).sum(axis=1))
+    def values(self, weights: Vector, places: Array) -> Array:
+        """The weighted sum of the bumps at places (..., 2), shape (...)."""
+        x, y = self.along(places.reshape(-1, 2))
+        values = ((x @ weights.reshape(len(self.axes[0]), -1)) * y).sum(axis=1)
+        return np.asarray(values.reshape(places.shape[:-1]))
 
 
 class DroneCostFeatures:
@@ -138,10 +139,10 @@ class DroneCostFeatures:
             ]
         )
 
-    def alone(self, weights: Vector, drone: int, states: Array, actions: Array) -> Vector:
-        """Costs of one drone's place and effort, shape (M,)."""
+    def alone(self, weights: Vector, drone: int, states: Array, actions: Array) -> Array:
+        """Costs of one drone's place and effort."""
         by_place, _, effort = self._parts(weights)
-        places = states[:, :2]
+        places = states[..., :2]
         of_place = self.lattice.values(by_place[drone], places) * self._fade(drone, places)
         return np.asarray(of_place + effort[drone] * self._effort * (actions**2).sum(axis=-1))
 
@@ -172,9 +173,9 @@ class DroneRewardFeatures:
             [self.lattice.total(places[:, i], visitation.weights) for i in range(self._game.n_experts)]
         )
 
-    def alone(self, weights: Vector, drone: int, states: Array, actions: Array) -> Vector:  # noqa: ARG002 - of places
-        """Rewards of one drone's place, shape (M,)."""
-        return self.lattice.values(weights.reshape(self._game.n_experts, -1)[drone], states[:, :2])
+    def alone(self, weights: Vector, drone: int, states: Array, actions: Array) -> Array:  # noqa: ARG002 - of places
+        """Rewards of one drone's place."""
+        return self.lattice.values(weights.reshape(self._game.n_experts, -1)[drone], states[..., :2])
 
     def together(self, weights: Vector, pair: int, distances: Array) -> Array:  # noqa: ARG002 - each drone has its own
         """Nothing."""

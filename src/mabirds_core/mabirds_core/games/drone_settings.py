@@ -12,7 +12,7 @@ MOST_FEATURES = 100_000
 """Cost features of a game; a million of them would fill a message with megabytes."""
 
 Point = tuple[float, float]
-Length = Annotated[float, Field(gt=0, le=1000)]
+Length = Annotated[float, Field(ge=1e-6, le=1000)]
 
 
 class Circle(Settings):
@@ -69,7 +69,7 @@ class DroneSettings(Settings):
 
     def lattice(self, spacing: float) -> tuple[int, int]:
         """Points of a lattice over the room that is no coarser than ``spacing``, by axis."""
-        return tuple(int(np.ceil(side / spacing - 1e-9)) + 1 for side in self.room)  # type: ignore[return-value]
+        return tuple(int(np.ceil(side / spacing * (1 - 1e-9))) + 1 for side in self.room)  # type: ignore[return-value]
 
     @model_validator(mode="after")
     def _fits_into_the_room(self) -> "DroneSettings":

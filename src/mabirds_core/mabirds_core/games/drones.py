@@ -60,13 +60,13 @@ class DroneGame:
         return actions.reshape(*actions.shape[:-1], self.n_experts, 2)
 
     def starts(self, count: int, rng: np.random.Generator) -> Array:
-        """``count`` joint states drawn from P_0, uniform in the starts' squares and at rest, shape (count, N_E D)."""
+        """``count`` joint states drawn from P_0: uniform in the starts' squares in the room, at rest; (count, N_E D)."""
         low, high = (
-            np.array([np.add(task.start, sign * task.start_spread) for task in self.settings.drones])
+            np.clip([np.add(task.start, sign * task.start_spread) for task in self.settings.drones], 0.0, self.room)
             for sign in (-1, 1)
         )
         states = np.zeros((count, self.n_experts, self.dynamics.drone_size))
-        states[..., :2] = np.clip(rng.uniform(low, high, size=(count, self.n_experts, 2)), 0.0, self.room)
+        states[..., :2] = rng.uniform(low, high, size=(count, self.n_experts, 2))
         return states.reshape(count, self.state_size)
 
     def step(self, states: Array, actions: Array) -> Array:
@@ -140,12 +140,15 @@ class DroneGame:
                 raise ImpossibleTrajectoryError(f"{name}: shape {values.shape}, expected {(steps, size)}")
             if not np.isfinite(values).all():
                 raise ImpossibleTrajectoryError(f"{name}: expected finite numbers")
-        self._check_ranges(states, actions)
+        self._check_places(states)
+        self._check_lengths("action", self.controls(actions), self.dynamics.max_action, self.dynamics.action_unit)
+        if self.dynamics.drone_size == 4:
+            self._check_lengths("velocity", self.drones(states)[..., 2:], self.dynamics.max_speed, "m/s")
         self._check_transitions(states, actions)
         return Trajectories(states[None].astype(np.float64), actions[None].astype(np.float64))
 
-    def _check_ranges(self, states: Array, actions: Array) -> None:
-        places, limit = self.positions(states), self.dynamics.max_action
+    def _check_places(self, states: Array) -> None:
+        places = self.positions(states)
         outside = np.argwhere((places < -TOLERANCE) | (places > self.room + TOLERANCE))
         if len(outside):
             step, drone, _ = outside[0]
@@ -153,12 +156,16 @@ class DroneGame:
                 f"step {step}: drone {drone + 1} is at {_pair(places[step, drone])}, outside the room"
                 f" {self.settings.room} [m]"
             )
-        too_large = np.argwhere(np.hypot(*np.moveaxis(self.controls(actions), -1, 0)) > limit + TOLERANCE)
-        if len(too_large):
-            step, drone = too_large[0]
+
+    def _check_lengths(self, what: str, vectors: Array, longest: float, unit: str) -> None:
+        """``vectors``: (T + 1, N_E, 2)."""
+        with np.errstate(over="ignore"):  # past the range of numbers is too long as well
+            too_long = np.argwhere(np.hypot(vectors[..., 0], vectors[..., 1]) > longest + TOLERANCE)
+        if len(too_long):
+            step, drone = too_long[0]
             raise ImpossibleTrajectoryError(
-                f"step {step}: action {_pair(self.controls(actions)[step, drone])} of drone {drone + 1} is longer"
-                f" than {limit:g} {self.dynamics.action_unit}"
+                f"step {step}: {what} {_pair(vectors[step, drone])} of drone {drone + 1} is longer than"
+                f" {longest:g} {unit}"
             )
 
     def _check_transitions(self, states: Array, actions: Array) -> None:

@@ -157,9 +157,8 @@ def move_rewards(
 ) -> Array:
     """log mu(a) + r_i(s, a) / tau of one drone's M states (M, 2) and A moves, shape (M, A)."""
     velocities, shares = lattice.moves
-    here, there = np.repeat(states, len(velocities), axis=0), np.tile(velocities, (len(states), 1))
-    total = sum((one.alone(weights, drone, here, there) for one, weights in rewards), np.zeros(len(here)))
-    return np.log(shares) + total.reshape(len(states), -1) / temperature
+    terms = (one.alone(weights, drone, states[:, None], velocities) for one, weights in rewards)
+    return np.asarray(np.log(shares) + sum(terms, np.zeros((len(states), 1))) / temperature)
 
 
 @dataclass(frozen=True)
