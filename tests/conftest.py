@@ -83,6 +83,48 @@ def make_experiment(tmp_path: Path) -> MakeExperiment:
     return make
 
 
+CIRCLE = {"centre": [1.5, 1.5], "radius": 0.3}
+DRONES: dict[str, Any] = {
+    "game": {
+        "kind": "drones",
+        "room": [3.0, 3.0],
+        "pillars": [CIRCLE],
+        "drones": [
+            {"start": [x, 0.4], "start_spread": 0.1, "door": {"centre": [3 - x, 2.6], "radius": 0.3}}
+            for x in (0.4, 2.6)
+        ],
+        "horizon": 18,
+    },
+    "demonstrations": {"bag": "bag", "per_learner": 6, "period": 1.0, "experts": "pilots"},
+}
+"""A room of 3 m that two drones cross."""
+
+FINDERS: dict[str, dict[str, Any]] = {
+    "lattice": {"kind": "lattice", "spacing": 0.5, "temperature": 1.0},
+    "soft_actor_critic": {
+        "kind": "soft_actor_critic",
+        "hidden": 16,
+        "steps": 5,
+        "first_steps": 8,
+        "batch": 16,
+        "capacity": 600,
+        "rollouts": 4,
+    },
+}
+"""Quick ones."""
+
+
+@pytest.fixture
+def make_drone_experiment(make_experiment: MakeExperiment) -> MakeExperiment:
+    """The same for drones. ``finder``: which of FINDERS; ``algorithm``: other settings; keywords of ``settings``."""
+
+    def make(finder: str = "lattice", algorithm: dict[str, Any] | None = None, **keywords: Any) -> Path:
+        quick = {"steps": {"alpha": 2.0, "beta": 0.5}, "window": 2, "rollouts": 8, "policy": FINDERS[finder]}
+        return make_experiment(change={**DRONES, "algorithm": {**quick, **(algorithm or {})}}, **keywords)
+
+    return make
+
+
 OpenBag = Callable[..., DemonstrationBag]
 
 

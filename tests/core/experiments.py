@@ -29,14 +29,14 @@ SETTINGS: dict[str, Any] = {
 }
 
 
-def changed(changes: dict[str, Any]) -> dict[str, Any]:
-    """``SETTINGS`` with some values replaced, named by dotted path: {"game.horizon": 3}."""
-    content = deepcopy(SETTINGS)
+def changed(changes: dict[str, Any], of: dict[str, Any] = SETTINGS) -> dict[str, Any]:
+    """``of`` with some values replaced, named by dotted path: {"game.horizon": 3, "game.pillars.0.radius": 2}."""
+    content = deepcopy(of)
     for path, value in changes.items():
         *parents, last = path.split(".")
-        place = content
+        place: Any = content
         for parent in parents:
-            place = place[parent]
+            place = place[int(parent) if isinstance(place, list) else parent]
         place[last] = value
     return content
 

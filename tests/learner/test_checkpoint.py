@@ -48,6 +48,27 @@ def test_the_last_iterations_stay_and_come_back_bit_for_bit(directory: Path) -> 
         }
 
 
+def test_the_newest_three_are_whole_and_the_others_keep_what_neighbours_may_ask_for(tmp_path: Path) -> None:
+    store = CheckpointStore(tmp_path, OWNER, keep=10)
+    for iteration in range(1, 7):
+        store.save(iteration, {**arrays(iteration), "policy.replay": np.ones(1000), "mixed_from": np.zeros(1)})
+    found = store.load()
+    assert {n for n, content in found.items() if "policy.replay" in content} == {4, 5, 6}
+    for iteration in (1, 2, 3):
+        assert found[iteration].keys() == {"theta", "omega"}
+        assert found[iteration]["omega"].tobytes() == arrays(iteration)["omega"].tobytes()
+
+
+def test_a_damaged_older_one_is_left_for_whoever_loads_it(tmp_path: Path) -> None:
+    store = CheckpointStore(tmp_path, OWNER, keep=10)
+    for iteration in range(1, 4):
+        store.save(iteration, {**arrays(iteration), "mixed_from": np.zeros(1)})
+    cut_short(tmp_path / "00000001.safetensors")
+    store.save(4, arrays(4))
+    assert list(store.load()) == [2, 3, 4]
+    assert "00000001.safetensors: is no whole checkpoint" in store.refused[0]
+
+
 def test_an_empty_directory_has_none(tmp_path: Path) -> None:
     assert reopened(tmp_path / "new").load() == {}
 

@@ -14,6 +14,7 @@ from mabirds_core.errors import CheckpointError, MabirdsError
 from mabirds_core.experiment import Experiment, load_experiment
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.simulate import History, simulate
+from mabirds_learner.checkpoint import LASTING
 from mabirds_learner.session import StrictSession
 from mabirds_msgs_py.bag_reader import DemonstrationBag
 
@@ -45,12 +46,22 @@ def advance(session: StrictSession, streams: dict[str, list[Trajectories]], expe
 @pytest.mark.parametrize("change", CHANGES)
 def test_a_restart_before_every_update_changes_no_bit(make_experiment: Callable[..., Path], change: str) -> None:
     algorithm = {"steps": {"alpha": 8.0, "beta": 4.0}, "rollouts": 20, **CHANGES[change]}
-    experiment = load_experiment(make_experiment(change={"algorithm": algorithm}))
+    check_restarts(load_experiment(make_experiment(change={"algorithm": algorithm})))
+
+
+@pytest.mark.parametrize("finder", ["lattice", "soft_actor_critic"])
+def test_a_restart_changes_no_bit_with_drones(make_drone_experiment: Callable[..., Path], finder: str) -> None:
+    """Networks, optimisers and replay of an actor-critic are in the checkpoint; older ones keep theta and omega."""
+    check_restarts(load_experiment(make_drone_experiment(finder)))
+
+
+def check_restarts(experiment: Experiment) -> None:
     streams = demonstrations(experiment)
     expected = simulate(experiment, streams)
     session, checkpoints = new_session(experiment), dict[int, dict[str, Array]]()
     while not session.finished:
         advance(session, streams, expected)
+        checkpoints = {n: {name: arrays[name] for name in LASTING} for n, arrays in checkpoints.items()}
         checkpoints[session.iteration] = {name: values.copy() for name, values in session.arrays().items()}
         session = new_session(experiment)
         session.resume(checkpoints)
@@ -99,3 +110,10 @@ def test_a_value_too_large_is_refused(experiment: Experiment) -> None:
     sound["omega"] = sound["omega"] + 1e200
     with pytest.raises(CheckpointError, match="omega: expected"):
         new_session(experiment).resume({4: sound})
+
+
+def test_what_lasts_of_a_checkpoint_is_no_place_to_go_on_from(experiment: Experiment) -> None:
+    """With theta and omega alone, the window and the policy would be lost without a word."""
+    lasting = {name: values for name, values in a_checkpoint(experiment).items() if name in LASTING}
+    with pytest.raises(CheckpointError, match="no checkpoint is whole"):
+        new_session(experiment).resume({4: lasting})

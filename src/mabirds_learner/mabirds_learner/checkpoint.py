@@ -1,14 +1,16 @@
 """Checkpoints: one safetensors file an iteration, written so that a killed process leaves only whole ones behind.
 
 A file holds the arrays of a session and says in its metadata whose they are. safetensors notices a file cut short;
-a SHA-256 of the arrays notices any other damage. The files of the last iterations stay: the newest is where a
-restarted learner goes on, the older ones answer neighbours that missed something, and each is the newest one's reserve.
+a SHA-256 of the arrays notices any other damage. The files of the last iterations stay. The newest is where a restarted
+learner goes on, and the two before are its reserve. Still older ones answer neighbours that missed something: they hold
+theta and omega alone, for what a policy finder remembers may be megabytes.
 """
 
 import fcntl
 import hashlib
 import os
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -23,6 +25,12 @@ SUFFIX = ".safetensors"
 UNFINISHED = ".unfinished"
 LOCK = "lock"
 FORMAT = "mabirds-checkpoint-1"
+
+WHOLE = 3
+"""How many of the newest files keep everything."""
+
+LASTING = ("theta", "omega")
+"""What the older ones keep."""
 
 
 @dataclass(frozen=True)
@@ -67,15 +75,23 @@ class CheckpointStore:
 
     def save(self, iteration: int, arrays: Mapping[str, Array]) -> None:
         """Write one checkpoint: whole and on the disk when this returns, or CheckpointError and nothing changed."""
-        file = self._file(iteration)
-        content = save(
-            {name: np.ascontiguousarray(values) for name, values in arrays.items()}, self._metadata(iteration, arrays)
-        )
         try:
-            _write_durably(file, content)
+            self._write(iteration, arrays)
+            self._trim(iteration - WHOLE)
             self._file(iteration - self._keep).unlink(missing_ok=True)
         except OSError as error:
             raise self._unwritable(error) from None
+
+    def _write(self, iteration: int, arrays: Mapping[str, Array]) -> None:
+        contiguous = {name: np.ascontiguousarray(values) for name, values in arrays.items()}
+        _write_durably(self._file(iteration), save(contiguous, self._metadata(iteration, arrays)))
+
+    def _trim(self, iteration: int) -> None:
+        """Leave what lasts. A damaged file stays as it is: whoever loads it says so."""
+        with suppress(CheckpointError):
+            _, arrays = self._read(self._file(iteration))
+            if arrays.keys() > set(LASTING):
+                self._write(iteration, {name: arrays[name] for name in LASTING})
 
     def load(self) -> Checkpoints:
         """All sound checkpoints by iteration; ``refused`` then says what is wrong with the others.

@@ -7,6 +7,7 @@ import numpy as np
 
 from mabirds_core.algorithm import Learner
 from mabirds_core.arrays import Array
+from mabirds_core.errors import CheckpointError
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.parameters import Parameters
 from mabirds_core.storage import parameters_of
@@ -93,9 +94,12 @@ class LearnerSession(Standing, ABC):
         return {**self._state_arrays(), MIXED_FROM: self._indices(self.mixed_from)}
 
     def resume(self, checkpoints: Checkpoints) -> None:
-        """Go on from the newest; the older ones answer neighbours. Raises MabirdsError where they do not fit."""
+        """Go on from the newest that is whole; all answer neighbours. Raises MabirdsError where they do not fit."""
         self._own = {n: parameters_of(self.learner, arrays) for n, arrays in sorted(checkpoints.items())}
-        newest = max(checkpoints)
+        whole = [n for n, arrays in checkpoints.items() if MIXED_FROM in arrays]
+        if not whole:
+            raise CheckpointError("no checkpoint is whole; name another directory, or delete this one to start anew")
+        newest = max(whole)
         self._restore(newest, checkpoints[newest])
         self.mixed_from = self._names(checkpoints[newest].get(MIXED_FROM, np.empty(0)))
 

@@ -112,7 +112,7 @@ class DroneCostFeatures:
         """Weights of places (N_E, X Y), of distances (pairs, widths) and of effort (N_E,)."""
         n, pairs = self._game.n_experts, len(self._game.pairs)
         places, distances, effort = np.split(weights, np.cumsum([n * self.lattice.size, pairs * len(self._widths)]))
-        return places.reshape(n, -1), distances.reshape(pairs, -1), effort
+        return places.reshape(n, -1), distances.reshape(pairs, len(self._widths)), effort
 
     def _fade(self, drone: int, places: Array) -> Vector:
         door = self._game.settings.drones[drone].door

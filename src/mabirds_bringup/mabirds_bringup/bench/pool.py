@@ -1,0 +1,31 @@
+"""Cases run one by one or several at once, each in a fresh process with one thread."""
+
+import multiprocessing
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from typing import TypeVar
+
+from mabirds_bringup.bench.cases import Case
+from mabirds_bringup.console import progress_bar
+from mabirds_bringup.processes import ONE_THREAD
+
+Outcome = TypeVar("Outcome")
+
+
+def run_cases(
+    run_case: Callable[[Case, int], list[Outcome]], cases: Sequence[Case], seeds: range, jobs: int
+) -> Iterator[Outcome]:
+    """All cases with all seeds; outcomes in the order of the cases.
+
+    Each gets a process of its own, so that its memory is its own and what it loads costs all cases the same.
+    """
+    os.environ.update(ONE_THREAD)  # for the processes started from here on
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(jobs, mp_context=context, max_tasks_per_child=1)
+    with pool, progress_bar() as bar:
+        task = bar.add_task("learning", total=len(cases) * len(seeds))
+        futures = [pool.submit(run_case, case, seed) for case in cases for seed in seeds]
+        for future in futures:
+            yield from future.result()
+            bar.advance(task)
