@@ -23,15 +23,14 @@ pytestmark = pytest.mark.filterwarnings("error")
 every_size = pytest.mark.parametrize("drones", [1, 2])
 
 
-def some_parameters(game: DroneGame, scale: float = 1.0, seed: int = 0) -> Parameters:
-    """Of linear rewards."""
+def some_parameters(model: DroneRewardModel, scale: float = 1.0, seed: int = 0) -> Parameters:
     rng = np.random.default_rng(seed)
-    sizes = len(game.reward_features.names), len(game.cost_features.names)
+    sizes = model.size, len(model.game.cost_features.names)
     return Parameters(*(scale * rng.normal(size=size) for size in sizes))
 
 
-def found(game: DroneGame, at: Parameters, spacing: float = 0.8, temperature: float = 1.0) -> LatticePolicy:
-    return LatticeFinder(game, LinearDroneReward(game), spacing, temperature).find(*at)
+def found(model: DroneRewardModel, at: Parameters, spacing: float = 0.8, temperature: float = 1.0) -> LatticePolicy:
+    return LatticeFinder(model.game, model, spacing, temperature).find(*at)
 
 
 def log_sum_exp(terms: Array) -> Vector:

@@ -22,7 +22,7 @@ def bits(parameters: list[Parameters]) -> list[tuple[bytes, bytes]]:
     return [(one.theta.tobytes(), one.omega.tobytes()) for one in parameters]
 
 
-@pytest.mark.parametrize("method", ["bics", "ftl", "dlm", "me_greedy"])
+@pytest.mark.parametrize("method", ["bics", "ftl", "dlm", "me_greedy", "me_gradient"])
 def test_a_central_node_equals_the_reference(
     make_experiment: Callable[..., Path], nodes: Any, context: Context, tmp_path: Path, method: str
 ) -> None:

@@ -1,6 +1,6 @@
 """A central method as a ROS node, to compare with: it subscribes to the demonstrations of all learners.
 
-Started in the namespace of its method (/bics, /ftl, /dlm, /me_greedy), in the place of the learners. It publishes
+Started in the namespace of its method (/bics, /ftl, /dlm, /me_greedy, /me_gradient), in the place of the learners. It publishes
 what a learner publishes, so that the player, the monitor and `mabirds inspect` take it for one.
 """
 
@@ -52,7 +52,7 @@ class CentralNode(ProgressNode):
 
 HELP = """Run a central method on the demonstrations of all learners.
 
-Its namespace says which: bics, ftl, dlm or me_greedy.
+Its namespace says which: bics, ftl, dlm, me_greedy or me_gradient.
 
 usage: mabirds-central --ros-args -r __ns:=/METHOD -p experiment:=FILE [-p PARAMETER:=VALUE ...]
 

@@ -1,4 +1,4 @@
-"""Cases run one by one or several at once, each in a fresh process with one thread."""
+"""Cases run one by one or several at once, in processes with one thread."""
 
 import multiprocessing
 import os
@@ -14,15 +14,15 @@ Outcome = TypeVar("Outcome")
 
 
 def run_cases(
-    run_case: Callable[[Case, int], list[Outcome]], cases: Sequence[Case], seeds: range, jobs: int
+    run_case: Callable[[Case, int], list[Outcome]], cases: Sequence[Case], seeds: range, jobs: int, *, fresh: bool = False
 ) -> Iterator[Outcome]:
     """All cases with all seeds; outcomes in the order of the cases.
 
-    Each gets a process of its own, so that its memory is its own and what it loads costs all cases the same.
+    ``fresh``: each in a process of its own, so that its memory is its own.
     """
     os.environ.update(ONE_THREAD)  # for the processes started from here on
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(jobs, mp_context=context, max_tasks_per_child=1)
+    pool = ProcessPoolExecutor(jobs, mp_context=context, max_tasks_per_child=1 if fresh else None)
     with pool, progress_bar() as bar:
         task = bar.add_task("learning", total=len(cases) * len(seeds))
         futures = [pool.submit(run_case, case, seed) for case in cases for seed in seeds]

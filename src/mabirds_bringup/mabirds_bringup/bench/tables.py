@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -27,6 +27,11 @@ class Named(Protocol):
     """An outcome or a row of a table."""
 
     @property
+    def group(self) -> str:
+        """Of cases."""
+        ...
+
+    @property
     def label(self) -> str:
         """Of the case."""
         ...
@@ -35,6 +40,9 @@ class Named(Protocol):
     def learner(self) -> str:
         """The learner or central method."""
         ...
+
+
+AnyNamed = TypeVar("AnyNamed", bound=Named)
 
 
 @dataclass(frozen=True)
@@ -56,6 +64,14 @@ def spread(values: Sequence[float]) -> Spread:
 def name_of(one: Named) -> str:
     """The case, and which of its learners."""
     return f"{one.label} {one.learner}" if one.learner.startswith("learner") else one.label
+
+
+def by_learner(outcomes: Iterable[AnyNamed]) -> list[list[AnyNamed]]:
+    """The outcomes of each case and learner, over the seeds, in the order in which they come first."""
+    groups: dict[tuple[str, str, str], list[AnyNamed]] = {}
+    for one in outcomes:
+        groups.setdefault((one.group, one.label, one.learner), []).append(one)
+    return list(groups.values())
 
 
 def iteration_seconds(ones: Iterable[Timed]) -> float:

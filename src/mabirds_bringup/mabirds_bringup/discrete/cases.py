@@ -1,9 +1,8 @@
 """What the benchmark runs: methods on the same demonstrations, and variations of MA-BIRDS."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any
 
+from mabirds_bringup.bench.cases import Case, with_algorithm
 from mabirds_core.experiment import Experiment
 
 MAIN = "main"
@@ -16,21 +15,6 @@ HARD = "hard"
 """The group of the game with many starts."""
 
 METHOD_LABELS = {"bics": "BICS", "ftl": "FTL", "dlm": "DLM", "me_greedy": "ME-greedy"}
-
-
-@dataclass(frozen=True)
-class Case:
-    """One way to learn one experiment. ``method``: a central method; None: the network of learners."""
-
-    group: str
-    label: str
-    experiment: Experiment
-    method: str | None = None
-
-    def seeded(self, seed: int) -> Experiment:
-        """The experiment with demonstrations and rollouts of their own."""
-        demonstrations = self.experiment.demonstrations.model_copy(update={"seed": seed})
-        return self.experiment.model_copy(update={"seed": seed, "demonstrations": demonstrations})
 
 
 def all_cases(main: Experiment, hard: Experiment) -> list[Case]:
@@ -60,21 +44,9 @@ def _hard_cases(hard: Experiment) -> Iterator[Case]:
         yield Case(HARD, label, with_algorithm(hard, rollout_start=start))
 
 
-def with_algorithm(experiment: Experiment, **changes: Any) -> Experiment:
-    """The experiment with other settings of its algorithm, checked again."""
-    content = experiment.model_dump(mode="json")
-    content["algorithm"].update(changes)
-    return Experiment.model_validate(content)
-
-
 def _on_alternating_ring(experiment: Experiment, count: int) -> Experiment:
     content = experiment.model_dump(mode="json")
     content["schedule"] = {"kind": "alternating"}
     content["closing_rounds"] = 2 * count  # news take so long around the ring
     content["learners"] = [f"learner_{number}" for number in range(1, count + 1)]
     return Experiment.model_validate(content)
-
-
-def shortened(experiment: Experiment, iterations: int) -> Experiment:
-    """The experiment with at most so many iterations."""
-    return experiment.model_copy(update={"iterations": min(iterations, experiment.iterations)})

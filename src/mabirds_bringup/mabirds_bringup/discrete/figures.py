@@ -8,9 +8,10 @@ import matplotlib as mpl
 mpl.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from mabirds_bringup.bench.figures import draw_band, save_all
+from mabirds_bringup.bench.tables import name_of
 from mabirds_bringup.discrete.cases import HARD, MAIN, VARIATIONS
 from mabirds_bringup.discrete.outcome import Outcome
 from mabirds_bringup.maps import draw_map, draw_ways
@@ -19,7 +20,6 @@ from mabirds_core.experiment import Experiment
 from mabirds_core.games.patrol import PatrolGame
 from mabirds_expert_player.recorder import expert_streams
 
-DOTS_PER_INCH = 120
 SHOWN_DEMONSTRATIONS = 12
 
 
@@ -35,10 +35,7 @@ def save_figures(main: Experiment, hard: Experiment, outcomes: Sequence[Outcome]
     for group, name in ((MAIN, "rates.png"), (HARD, "rates_many_starts.png"), (VARIATIONS, "variations.png")):
         if of[group]:
             figures[name] = rates_figure(of[group])
-    for name, figure in figures.items():
-        figure.savefig(directory / name, dpi=DOTS_PER_INCH, bbox_inches="tight")
-        plt.close(figure)
-    return list(figures)
+    return save_all(figures, directory)
 
 
 def game_figure(experiment: Experiment) -> Figure:
@@ -67,42 +64,30 @@ def policies_figure(game: PatrolGame, outcomes: Sequence[Outcome]) -> Figure:
         for expert, axis in enumerate(column):
             cells = slice(expert * game.n_cells, (expert + 1) * game.n_cells)
             draw_map(axis, game, expert, np.array(one.visits[expert]), learned[cells])
-        column[0].set_title(_name(one), fontsize=9)
+        column[0].set_title(name_of(one), fontsize=9)
     for expert, axis in enumerate(axes[:, 0]):
         axis.set_ylabel(f"expert {expert + 1}", fontsize=8)
     return figure
 
 
-def _name(one: Outcome) -> str:
-    return f"{one.label} {one.learner}" if one.learner.startswith("learner") else one.label
-
-
 def rates_figure(outcomes: Sequence[Outcome]) -> Figure:
     """As Figure 3: SR and CVR against iterations; lines are means over seeds, bands their range."""
     figure, (success, violation) = plt.subplots(1, 2, figsize=(10, 3.6), layout="constrained")
-    for name in dict.fromkeys(_name(one) for one in outcomes):
-        ones = [one for one in outcomes if _name(one) == name]
-        _band(success, name, [one.success_rate for one in ones])
-        _band(violation, name, [one.violation_rate for one in ones])
+    for name in dict.fromkeys(name_of(one) for one in outcomes):
+        ones = [one for one in outcomes if name_of(one) == name]
+        draw_band(success, name, [one.success_rate for one in ones])
+        draw_band(violation, name, [one.violation_rate for one in ones])
     for axis, title in ((success, "success rate"), (violation, "constraint violation rate")):
         axis.set(xlabel="iterations made, closing rounds last", ylabel=title, ylim=(-0.02, 1.02))
     figure.legend(*success.get_legend_handles_labels(), fontsize=7, loc="outside right upper")
     return figure
 
 
-def _band(axis: Axes, name: str, curves: Sequence[Sequence[float]]) -> None:
-    values = np.array(curves)
-    line = axis.plot(values.mean(axis=0), label=name, linewidth=1.2)[0]
-    axis.fill_between(
-        np.arange(values.shape[1]), values.min(axis=0), values.max(axis=0), alpha=0.15, color=line.get_color()
-    )
-
-
 def roc_figure(outcomes: Sequence[Outcome]) -> Figure:
     """FPR and FNR against the threshold, and against each other: what any choice of the threshold would give."""
     figure, (rates, roc) = plt.subplots(1, 2, figsize=(10, 3.6), layout="constrained")
-    for name in dict.fromkeys(_name(one) for one in outcomes):
-        ones = [one for one in outcomes if _name(one) == name]
+    for name in dict.fromkeys(name_of(one) for one in outcomes):
+        ones = [one for one in outcomes if name_of(one) == name]
         thresholds, false_positive, false_negative = error_curves(ones)
         line = rates.plot(thresholds, false_positive, label=name, linewidth=1.2)[0]
         rates.plot(thresholds, false_negative, "--", color=line.get_color(), linewidth=1.2)

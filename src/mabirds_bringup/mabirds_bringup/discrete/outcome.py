@@ -1,20 +1,18 @@
 """One case with one seed: learn, evaluate every iteration, and keep what tables and figures show."""
 
-from collections import defaultdict
 from dataclasses import dataclass
-from itertools import islice
 
 import numpy as np
 
-from mabirds_bringup.discrete.cases import Case
+from mabirds_bringup.bench.cases import Case
+from mabirds_bringup.bench.learning import drawn_streams, learn
 from mabirds_bringup.evaluation import visits
 from mabirds_core.assembly import patrol_game, policy_of
 from mabirds_core.experiment import Experiment
 from mabirds_core.games.patrol import PatrolGame
 from mabirds_core.metrics import constraint_errors, exact_imitation, learned_constraints
 from mabirds_core.parameters import Parameters
-from mabirds_core.simulate import Progress, simulate, simulate_central
-from mabirds_expert_player.recorder import expert_streams
+from mabirds_core.simulate import Progress
 
 DIGITS = 6
 """Decimals of costs and visits in the results; far finer than any figure shows."""
@@ -49,19 +47,7 @@ def run_case(case: Case, seed: int) -> list[Outcome]:
     """One outcome a learner."""
     experiment = case.seeded(seed)
     game = patrol_game(experiment)
-    streams = {
-        learner: list(islice(stream, experiment.iterations))
-        for learner, stream in expert_streams(experiment, game).items()
-    }
-    progress = defaultdict[str, list[Progress]](list)
-
-    def keep(one: Progress) -> None:
-        progress[one.name].append(one)
-
-    if case.method:
-        history = simulate_central(experiment, case.method, streams, keep)
-    else:
-        history = simulate(experiment, streams, keep)
+    history, progress = learn(case, experiment, drawn_streams(experiment, game))
     return [_outcome(case, experiment, game, name, history[name], progress[name]) for name in history]
 
 

@@ -1,9 +1,8 @@
 """What the benchmark is to show, and whether it does."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
 
+from mabirds_bringup.bench.targets import Target
 from mabirds_bringup.discrete.cases import HARD, MAIN
 from mabirds_bringup.discrete.outcome import Outcome
 from mabirds_bringup.discrete.tables import Row, rows
@@ -18,25 +17,6 @@ AT_MOST = {
 
 AT_LEAST = {"MA-BIRDS": 0.995, "BICS": 0.960, "FTL": 0.970, "DLM": 0.985}
 """Success rates, likewise."""
-
-
-@dataclass(frozen=True)
-class Target:
-    """A figure and its limit."""
-
-    name: str
-    value: float
-    target: float
-    at_most: bool
-
-    @property
-    def met(self) -> bool:
-        """Is the value on the right side of its limit?"""
-        return self.value <= self.target if self.at_most else self.value >= self.target
-
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return {**asdict(self), "met": self.met}
 
 
 def targets(outcomes: Sequence[Outcome]) -> list[Target]:

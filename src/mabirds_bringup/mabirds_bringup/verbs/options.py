@@ -10,7 +10,11 @@ ExperimentFile = Annotated[
 ]
 RunsDirectory = Annotated[Path, typer.Option(help="Where run directories are made.")]
 CentralMethodName = Annotated[
-    Literal["bics", "ftl", "dlm", "me_greedy"] | None,
+    Literal["bics", "ftl", "dlm", "me_greedy", "me_gradient"] | None,
     typer.Option(help="Run this central method on all demonstrations, in the learners' place."),
 ]
+Seeds = Annotated[int, typer.Option(help="Seeds, from 301 on.", min=1, max=1000)]
+MostIterations = Annotated[int, typer.Option("--iterations", help="At most so many, for a quick look.", min=1)]
+Jobs = Annotated[int, typer.Option(help="Cases at once; times are comparable with 1.", min=1, max=256)]
+ReportDirectory = Annotated[Path, typer.Option(help="Report directory.")]
 Json = Annotated[bool, typer.Option("--json", help="Print exactly one JSON object on standard output.")]
