@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mabirds_bringup.discrete.cases import HARD, MAIN, VARIATIONS, Case, all_cases, shortened
+from mabirds_bringup.bench.cases import Case, shortened
+from mabirds_bringup.bench.tables import spread, time_to
+from mabirds_bringup.discrete.cases import HARD, MAIN, VARIATIONS, all_cases
 from mabirds_bringup.discrete.figures import error_curves
 from mabirds_bringup.discrete.outcome import Outcome, run_case
-from mabirds_bringup.discrete.tables import COLUMNS, rows, spread, table, time_to
+from mabirds_bringup.discrete.tables import COLUMNS, rows, table
 from mabirds_bringup.discrete.targets import agreement, targets
 from mabirds_core.experiment import Experiment, load_experiment
 from mabirds_core.metrics import constraint_errors

@@ -43,7 +43,10 @@ LONGEST_ERROR = 4000
 """Characters of an error, however many settings are wrong."""
 
 MOST_VALUES = 200_000_000
-"""Values that a policy on a lattice may keep: 1.6 gigabytes."""
+"""Values that a policy on a lattice may keep, and weights of where moves lead: 1.6 gigabytes each."""
+
+MOVES = 25
+"""Of a drone on a lattice."""
 
 CHOICES: dict[str, dict[str, tuple[str, ...]]] = {
     "patrol": {
@@ -138,8 +141,9 @@ class Experiment(Settings):
                 f" are {game.dynamics}s; take soft_actor_critic"
             )
         nodes = math.prod(float(count) for count in game.lattice(lattice.spacing))
-        values = nodes**game.n_experts * (game.horizon + 2)
-        if values > MOST_VALUES:
+        of_states = nodes**game.n_experts * (game.horizon + 2)
+        of_moves = nodes * game.n_experts * MOVES * math.prod(map(float, game.window(lattice.spacing)))
+        if (values := max(of_states, of_moves)) > MOST_VALUES:
             raise ExperimentError(
                 f"algorithm.policy.spacing {lattice.spacing:g} m makes {values:.2g} values, expected at most"
                 f" {MOST_VALUES:.2g}; take a larger one"

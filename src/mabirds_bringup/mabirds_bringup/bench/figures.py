@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 
@@ -22,7 +23,7 @@ def save_all(figures: Mapping[str, Figure], directory: Path) -> list[str]:
     return list(figures)
 
 
-def draw_band(axis: Axes, name: str, curves: Sequence[Sequence[float]], **style: object) -> None:
+def draw_band(axis: Axes, name: str, curves: Sequence[Sequence[float]], **style: Any) -> None:
     """The mean over seeds as a line, their range as a band; entry k of a curve is drawn at k."""
     values = np.array(curves)
     line = axis.plot(values.mean(axis=0), label=name, linewidth=1.2, **style)[0]

@@ -14,7 +14,12 @@ Outcome = TypeVar("Outcome")
 
 
 def run_cases(
-    run_case: Callable[[Case, int], list[Outcome]], cases: Sequence[Case], seeds: range, jobs: int, *, fresh: bool = False
+    run_case: Callable[[Case, int], list[Outcome]],
+    cases: Sequence[Case],
+    seeds: range,
+    jobs: int,
+    *,
+    fresh: bool = False,
 ) -> Iterator[Outcome]:
     """All cases with all seeds; outcomes in the order of the cases.
 

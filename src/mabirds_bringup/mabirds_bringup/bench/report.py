@@ -52,9 +52,7 @@ def machine(*packages: str) -> dict[str, Any]:
     }
 
 
-def write_report(
-    directory: Path, content: dict[str, Any], outcomes: "Sequence[DataclassInstance]", page: Page
-) -> None:
+def write_report(directory: Path, content: dict[str, Any], outcomes: "Sequence[DataclassInstance]", page: Page) -> None:
     """Fill ``directory``, where the pictures are already. ``content``: of summary.json, with command and seeds."""
     write_json(directory / "summary.json", content)
     with gzip.open(directory / OUTCOMES, "wt", encoding="utf-8") as stream:

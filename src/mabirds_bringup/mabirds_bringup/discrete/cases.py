@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from mabirds_bringup.bench.cases import Case, with_algorithm
+from mabirds_bringup.bench.cases import Case, method_cases, with_algorithm
 from mabirds_core.experiment import Experiment
 
 MAIN = "main"
@@ -14,18 +14,12 @@ VARIATIONS = "variations"
 HARD = "hard"
 """The group of the game with many starts."""
 
-METHOD_LABELS = {"bics": "BICS", "ftl": "FTL", "dlm": "DLM", "me_greedy": "ME-greedy"}
+METHODS = ("bics", "ftl", "dlm", "me_greedy")
 
 
 def all_cases(main: Experiment, hard: Experiment) -> list[Case]:
     """Every case of the benchmark, the tables' first."""
-    return [*_table_cases(main), *_variations(main), *_hard_cases(hard)]
-
-
-def _table_cases(main: Experiment) -> Iterator[Case]:
-    yield Case(MAIN, "MA-BIRDS", main)
-    for method, label in METHOD_LABELS.items():
-        yield Case(MAIN, label, main, method)
+    return [*method_cases(MAIN, main, *METHODS), *_variations(main), *_hard_cases(hard)]
 
 
 def _variations(main: Experiment) -> Iterator[Case]:

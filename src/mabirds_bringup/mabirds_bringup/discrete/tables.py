@@ -5,8 +5,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mabirds_bringup.bench.tables import Spread, by_learner, iteration_seconds, name_of, scaled_lines, spread, times_to_levels
+from mabirds_bringup.bench.tables import (
+    Spread,
+    by_learner,
+    iteration_seconds,
+    name_of,
+    scaled_lines,
+    spread,
+    times_to_levels,
+)
 from mabirds_bringup.discrete.outcome import Outcome
+
 
 @dataclass(frozen=True)
 class Row:

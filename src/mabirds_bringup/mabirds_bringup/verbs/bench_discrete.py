@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 import typer
 
 from mabirds_bringup.bench.cases import shortened
-from mabirds_bringup.bench.command import FIRST_SEED, command_line, outcomes_of, show_targets
+from mabirds_bringup.bench.command import Request, command_line
 from mabirds_bringup.console import guarded_output, print_json
 from mabirds_bringup.discrete.cases import all_cases
 from mabirds_bringup.discrete.outcome import Outcome, run_case
@@ -37,4 +37,9 @@ def discrete(  # noqa: PLR0913, PLR0917 - the options of a command
 
     with guarded_output() as stdout:
         first, second = (shortened(load_experiment(file), iterations) for file in (main, hard))
-        ...
+        request = Request(out, only, seeds, jobs)
+        outcomes = request.outcomes(all_cases(first, second), run_case, Outcome)
+        content = write_report(first, second, outcomes, out, command_line())
+        request.tell(content)
+        if as_json:
+            print_json(content, stdout)

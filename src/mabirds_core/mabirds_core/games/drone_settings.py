@@ -71,6 +71,12 @@ class DroneSettings(Settings):
         """Points of a lattice over the room that is no coarser than ``spacing``, by axis."""
         return tuple(int(np.ceil(side / spacing * (1 - 1e-9))) + 1 for side in self.room)  # type: ignore[return-value]
 
+    def window(self, spacing: float) -> tuple[int, int]:
+        """Points of that lattice around a place that a single integrator's step from it can need, by axis."""
+        way = self.max_speed * self.time_step
+        sides = zip(self.room, self.lattice(spacing), strict=True)
+        return tuple(min(2 * int(np.ceil(way / side * (n - 1))) + 2, n) for side, n in sides)  # type: ignore[return-value]
+
     @model_validator(mode="after")
     def _fits_into_the_room(self) -> "DroneSettings":
         for number, task in enumerate(self.drones, start=1):

@@ -60,7 +60,7 @@ class DroneGame:
         return actions.reshape(*actions.shape[:-1], self.n_experts, 2)
 
     def starts(self, count: int, rng: np.random.Generator) -> Array:
-        """``count`` joint states drawn from P_0: uniform in the starts' squares in the room, at rest; (count, N_E D)."""
+        """``count`` joint states from P_0, uniform in the starts' squares within the room, at rest; (count, N_E D)."""
         low, high = (
             np.clip([np.add(task.start, sign * task.start_spread) for task in self.settings.drones], 0.0, self.room)
             for sign in (-1, 1)

@@ -109,9 +109,8 @@ class Lattice:
     def _axis_window(self, axis: int, here: Array, there: Array) -> tuple[Indices, Array]:
         """Numbers of the nodes around ``here`` (M, N_E), and hat functions of them at ``there`` (M, A, N_E)."""
         count, step = len(self.axes[axis]), self.axes[axis][1]
-        reach = int(np.ceil(self.game.settings.max_speed * self.game.settings.time_step / step))
-        width = min(2 * reach + 2, count)
-        first = np.clip(np.floor(here / step).astype(np.int64) - reach, 0, count - width)
+        width = self.game.settings.window(self.spacing)[axis]
+        first = np.clip(np.floor(here / step).astype(np.int64) - (width // 2 - 1), 0, count - width)
         numbers = first[..., None] + np.arange(width)
         return numbers, np.maximum(0.0, 1 - np.abs(there[..., None] / step - numbers[:, None]))
 
@@ -225,8 +224,8 @@ class Kernel:
         shift = scores.max(axis=1)
         windows, size = lattice.everywhere, len(lattice.nodes)
         entries = np.einsum("sa,saw->sw", np.exp(scores - shift[:, None]), windows.weights[:, drone])
-        columns, width = windows.nodes[:, drone], windows.nodes.shape[2]
-        matrix = csr_array((entries.ravel(), columns.ravel(), np.arange(size + 1) * width), shape=(size, size))
+        columns, width = windows.nodes[:, drone].flatten(), windows.nodes.shape[2]  # a copy: the matrix changes it
+        matrix = csr_array((entries.ravel(), columns, np.arange(size + 1) * width), shape=(size, size))
         matrix.eliminate_zeros()
         return cls(matrix, np.repeat(np.arange(size), np.diff(matrix.indptr)), shift)
 

@@ -1,0 +1,76 @@
+"""The benchmark's report."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from mabirds_bringup.bench import report
+from mabirds_bringup.bench.report import Page, Section, machine
+from mabirds_bringup.bench.targets import COLUMNS as TARGET_COLUMNS
+from mabirds_bringup.bench.targets import Target, target_lines
+from mabirds_bringup.continuous.cases import LATTICE, SOFT_ACTOR_CRITIC, VARIATIONS
+from mabirds_bringup.continuous.figures import save_figures
+from mabirds_bringup.continuous.outcome import JUDGED, JUDGED_LAST, Outcome
+from mabirds_bringup.continuous.tables import (
+    CLOSING_COLUMNS,
+    PILLAR_COLUMNS,
+    closing_table,
+    pillar_table,
+    rows,
+    table,
+)
+from mabirds_bringup.continuous.targets import targets
+from mabirds_core.assembly import drone_game
+from mabirds_core.experiment import Experiment
+
+GROUPS = {
+    LATTICE: "Table 3: all methods on the same demonstrations, policies found on a lattice",
+    SOFT_ACTOR_CRITIC: "Policies found by soft actor-critic",
+    VARIATIONS: "Variations of MA-BIRDS",
+}
+NOTE = (
+    f"Mean ± half the range over the seeds. CVR and SR are shares of {JUDGED_LAST} flights of the policy that theta and"
+    f" omega mean, found near-exactly ({JUDGED} flights an iteration for the times to a success rate); an actor's are"
+    " those of the network that the learner found last. STPOI: time per online iteration; 50% ST, 90% ST: time of"
+    " updates until SR first is that high; each divided by the smallest of its column. Learners work at the same time:"
+    " the time of one's own updates counts. Gradient steps, policy solves and seconds are per online iteration of one"
+    " learner on one thread. Memory is the peak of the process that learned; that of a network holds all its learners."
+    " Targets are the paper's means for MA-BIRDS; for other methods mean + half-width of CVR, mean - half-width of SR."
+)
+
+
+def write_report(
+    main: Experiment, sac: Experiment | None, outcomes: Sequence[Outcome], directory: Path, command: str
+) -> dict[str, Any]:
+    """Fill ``directory``; returns what --json prints. ``sac``: the experiment by soft actor-critic."""
+    found = targets(outcomes)
+    content = {
+        "command": command,
+        "machine": machine("numpy", "scipy", "torch"),
+        "seeds": sorted({one.seed for one in outcomes}),
+        "results": [asdict(row) for row in rows(outcomes)],
+        "targets": [target.as_dict() for target in found],
+    }
+    title = f"{main.name}: MA-BIRDS and central methods, {main.iterations} demonstrations a learner"
+    pictures = save_figures(main, sac, outcomes, directory)
+    sections = list(_sections(main, outcomes, found))
+    report.write_report(directory, content, outcomes, Page(title, NOTE, sections, pictures))
+    return content
+
+
+def _sections(main: Experiment, outcomes: Sequence[Outcome], found: Sequence[Target]) -> Iterator[Section]:
+    of = rows(outcomes)
+    for group, title in GROUPS.items():
+        chosen = [row for row in of if row.group == group]
+        if chosen:
+            yield Section(title, *table(chosen))
+    yield Section("The closing rounds, and how far the learners are apart", CLOSING_COLUMNS, closing_table(of))
+    for group in (LATTICE, SOFT_ACTOR_CRITIC):
+        own = [one for one in outcomes if one.group == group]
+        if own:
+            title = (
+                f"What MA-BIRDS takes for the cost of a pillar ({group}, mean ± half the range over learners and seeds)"
+            )
+            yield Section(title, PILLAR_COLUMNS, list(pillar_table(drone_game(main).settings, own)))
+    yield Section("Targets", TARGET_COLUMNS, target_lines(found))
