@@ -51,7 +51,7 @@ def what_it_says(name: str, seconds: float) -> str | None:
 
 def main() -> int:
     """Entry point."""
-    if len(sys.argv) not in (2, 3) or sys.argv[1].startswith("-"):
+    if len(sys.argv) not in (2, 3) or sys.argv[1][:1] in ("", "-"):
         print(__doc__)
         return 2
     name, seconds = sys.argv[1], float(sys.argv[2]) if len(sys.argv) == 3 else PATIENCE

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Start the services of compose.yaml without Docker, each on a host of its own: a network namespace.
 
-usage: .venv/bin/python docker/layout.py [--out runs] [--timeout 600] [--json]
+usage: .venv/bin/python docker/layout.py [--compose FILE ...] [--out runs] [--timeout 600] [--json]
 
 Commands, environment, volumes and healthchecks are those of compose.yaml, at the paths that the containers have; the
 same variables choose the experiment (docker/README.md). It ends when every learner has learned everything and every
@@ -22,7 +22,7 @@ import time
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import partial, reduce
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +37,12 @@ from mabirds_core.experiment import load_experiment
 from mabirds_msgs_py.node_main import SUPERVISOR
 
 DOCKER = Path(__file__).resolve().parent
-PROGRAMS = {"mabirds-entrypoint": "entrypoint.sh", "mabirds-healthy": "healthy.py"}
+PROGRAMS = {
+    "mabirds-entrypoint": "entrypoint.sh",
+    "mabirds-healthy": "healthy.py",
+    "mabirds-make-keystore": "make_keystore.sh",
+    "mabirds-hear-learner": "hear_learner.sh",
+}
 """What the Dockerfile puts into /usr/local/bin, and from where."""
 
 HOME = Path("/srv/mabirds")
@@ -45,6 +50,9 @@ HOME = Path("/srv/mabirds")
 
 LEARNER, CHECKPOINTS = "mabirds-learner", str(HOME / "checkpoints")
 VARIABLE = re.compile(r"\$(?:\$|\{(\w+)(?::-([^}]*))?\})")
+REPLACED = {"command", "test"}
+"""Lists of which the last file's counts; others are joined."""
+
 TICK = 0.2
 
 
@@ -54,13 +62,17 @@ class LayoutError(MabirdsError):
 
 @dataclass(frozen=True)
 class Service:
-    """What compose.yaml says of one container; ``volumes``: source, target and whether it is read-only."""
+    """What compose.yaml says of one container.
+
+    ``volumes``: source, target and whether it is read-only. ``after``: services that have to be done before.
+    """
 
     name: str
     command: Sequence[str]
     environment: Mapping[str, str]
     volumes: Sequence[tuple[Path, str, bool]]
     healthcheck: Sequence[str]
+    after: Sequence[str]
 
     def inside(self, bin_directory: Path, command: Sequence[str]) -> list[str]:
         """The command as the container runs it: its files at their places, its environment and nothing else."""
@@ -77,11 +89,29 @@ def _mount(volume: tuple[Path, str, bool]) -> str:
     return f"mkdir -p {target}; mount -o {options} {shlex.quote(str(source))} {target}"
 
 
-def read_compose(file: Path, volumes: Path, variables: Mapping[str, str] = os.environ) -> list[Service]:
-    """The services that ``docker compose up`` starts. Named volumes become directories of ``volumes``."""
-    content = _fill_in(yaml.safe_load(file.read_text(encoding="utf-8")), variables)
-    services = {name: one for name, one in content["services"].items() if "profiles" not in one}
-    return [_service(name, one, file.parent, volumes) for name, one in services.items()]
+def read_compose(files: Sequence[Path], volumes: Path, variables: Mapping[str, str] = os.environ) -> list[Service]:
+    """The services that ``docker compose up`` starts, each after those that it waits for.
+
+    Later files add to earlier ones. Named volumes become directories of ``volumes``.
+    """
+    contents = [yaml.safe_load(file.read_text(encoding="utf-8")) for file in files]
+    merged = _fill_in(reduce(_merge, contents), variables)["services"]
+    chosen = {name: one for name, one in merged.items() if "profiles" not in one}
+    services = [_service(name, one, files[0].parent, volumes) for name, one in chosen.items()]
+    return sorted(services, key=lambda service: len(service.after))  # none waits for one that waits
+
+
+def _merge(before: dict[str, Any], after: dict[str, Any]) -> dict[str, Any]:
+    """What two files say together."""
+    merged = dict(before)
+    for name, value in after.items():
+        if isinstance(value, dict):
+            merged[name] = _merge(merged.get(name) or {}, value)
+        elif isinstance(value, list) and name not in REPLACED:
+            merged[name] = [*merged.get(name, []), *value]
+        else:
+            merged[name] = value
+    return merged
 
 
 def _fill_in(content: Any, variables: Mapping[str, str]) -> Any:
@@ -98,10 +128,10 @@ def _fill_in(content: Any, variables: Mapping[str, str]) -> Any:
 def _service(name: str, content: dict[str, Any], directory: Path, volumes: Path) -> Service:
     environment = {key: str(value) for key, value in content.get("environment", {}).items()}
     mounts = [_volume(text, directory, volumes) for text in content.get("volumes", [])]
-    kind, *check = content["healthcheck"]["test"]
+    kind, *check = content.get("healthcheck", {}).get("test", ["CMD"])
     if kind != "CMD":
         raise LayoutError(f"{name}: healthcheck {kind}: expected CMD and a list of words")
-    return Service(name, content["command"], environment, mounts, check)
+    return Service(name, content["command"], environment, mounts, check, list(content.get("depends_on", {})))
 
 
 def _volume(text: str, directory: Path, volumes: Path) -> tuple[Path, str, bool]:
@@ -135,12 +165,18 @@ class Layout:
     lan: VirtualLan
     running: dict[str, NodeProcess]
 
-    def start(self) -> None:
-        """Start all services."""
+    def start(self, deadline: float) -> None:
+        """Start all services, each once those are done that it waits for."""
         self._bin = _programs(self.directory / "bin")
         for service in self.services:
+            for name in service.after:
+                self.wait(partial(self.is_done, name), f"{name} done", deadline)
             command = self.lan.inside(service.name, service.inside(self._bin, ["mabirds-entrypoint", *service.command]))
             self.running[service.name] = processes.start(service.name, command, self.directory / "logs")
+
+    def is_done(self, name: str) -> bool:
+        """Has a service ended well?"""
+        return self.running[name].exit_code == 0
 
     def wait(self, condition: Callable[[], bool], what: str, deadline: float) -> None:
         """Wait until the condition holds; raises LayoutError where a service ends badly or time is up."""
@@ -157,7 +193,7 @@ class Layout:
 
     def is_healthy(self, service: Service) -> bool:
         """Does the service's healthcheck pass, or has the service done its work?"""
-        if self.running[service.name].exit_code == 0:
+        if self.is_done(service.name):
             return True
         command = self.lan.inside(service.name, service.inside(self._bin, service.healthcheck))
         with (self.directory / "logs" / f"{service.name}.health").open("ab") as log:
@@ -196,15 +232,15 @@ def digests(checkpoint: Path) -> dict[str, str]:
     return {name: hashlib.sha256(arrays[name].tobytes()).hexdigest() for name in ("theta", "omega")}
 
 
-def run(compose: Path, directory: Path, timeout: float) -> dict[str, dict[str, str]]:
+def run(compose: Sequence[Path], directory: Path, timeout: float) -> dict[str, dict[str, str]]:
     """Run the layout to its end; digests by learner."""
     services = read_compose(compose, directory / "volumes")
     checkpoints, deadline = last_checkpoints(services), time.monotonic() + timeout
     with virtual_lan([service.name for service in services]) as lan:
         layout = Layout(services, directory, lan, {})
         try:
-            layout.start()
-            for service in sorted(services, key=_lasts):
+            layout.start(deadline)
+            for service in sorted((one for one in services if one.healthcheck), key=_lasts):
                 layout.wait(partial(layout.is_healthy, service), f"{service.name} healthy", deadline)
             for name, file in checkpoints.items():
                 layout.wait(file.exists, f"{name} has learned everything", deadline)
@@ -216,14 +252,14 @@ def run(compose: Path, directory: Path, timeout: float) -> dict[str, dict[str, s
 def main() -> int:
     """Entry point."""
     parser = ArgumentParser(description=__doc__, formatter_class=RawDescriptionHelpFormatter)
-    parser.add_argument("--compose", type=Path, default=DOCKER / "compose.yaml", help="file to read")
+    parser.add_argument("--compose", type=Path, action="append", help="files to read (compose.yaml beside this one)")
     parser.add_argument("--out", type=Path, default=Path("runs"), help="where a run directory is made")
     parser.add_argument("--timeout", type=float, default=600.0, help="seconds to the end")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     arguments = parser.parse_args()
     directory = run_directory.create(arguments.out.absolute(), "layout")
     try:
-        found = run(arguments.compose, directory, arguments.timeout)
+        found = run(arguments.compose or [DOCKER / "compose.yaml"], directory, arguments.timeout)
     except LayoutError as error:
         print(f"error: {error}", file=sys.stderr)
         return 3

@@ -16,5 +16,6 @@ setup(
     ],
     python_requires=">=3.11",
     install_requires=["numpy", "pydantic", "PyYAML", "scipy", "torch"],
+    extras_require={"test": ["pytest"]},  # by which colcon knows how to test
     zip_safe=False,
 )

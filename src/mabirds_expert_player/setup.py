@@ -16,6 +16,7 @@ setup(
     ],
     python_requires=">=3.11",
     install_requires=["mabirds_core", "mabirds_msgs_py", "numpy", "scipy"],
+    extras_require={"test": ["pytest"]},  # by which colcon knows how to test
     zip_safe=False,
     entry_points={
         "console_scripts": [

@@ -17,5 +17,6 @@ setup(
     ],
     python_requires=">=3.11",
     install_requires=["mabirds_core", "mcap", "numpy", "PyYAML", "zstandard", "lz4"],
+    extras_require={"test": ["pytest"]},  # by which colcon knows how to test
     zip_safe=False,
 )

@@ -53,10 +53,11 @@ def test_values_are_those_of_all_joint_moves_summed_up(
 
 
 @every_size
-def test_values_of_thousands_of_nats_neither_overflow_nor_vanish(drones: int) -> None:
-    """Of places and efforts; distances cost hundreds."""
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_values_of_thousands_of_nats_neither_overflow_nor_vanish(drones: int, seed: int) -> None:
+    """Of places and efforts; distances cost hundreds. Each drone's best places are out of its reach elsewhere."""
     model = LinearDroneReward(tiny(drones))
-    at = some_parameters(model, scale=5000.0)
+    at = some_parameters(model, scale=5000.0, seed=seed)
     distances = slice(drones * len(model.game.cost_features.lattice.nodes), -drones)
     at.omega[distances] *= 100 / 5000
     slow, policy = SlowLattice(model, at), found(model, at)

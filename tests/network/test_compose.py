@@ -18,11 +18,14 @@ from safetensors.numpy import load_file
 from mabirds_bringup.namespaces import obstacle
 from mabirds_bringup.verbs.simulate import simulate_from_bag
 from mabirds_core.experiment import load_experiment
+from mabirds_msgs_py.security import KEYSTORE, STRATEGY, check_settings
 
 OBSTACLE = obstacle()
 pytestmark = pytest.mark.skipif(OBSTACLE is not None, reason=f"no network namespaces: {OBSTACLE}")
 
-LAYOUT = Path(__file__).resolve().parents[2] / "docker" / "layout.py"
+DOCKER = Path(__file__).resolve().parents[2] / "docker"
+LEARNERS = [f"learner_{number}" for number in range(1, 5)]
+SECURE = ["--compose", str(DOCKER / "compose.yaml"), "--compose", str(DOCKER / "compose.secure.yaml")]
 
 
 @pytest.fixture
@@ -45,7 +48,7 @@ def variables(make_experiment: Callable[..., Path], tmp_path: Path) -> dict[str,
 
 
 def layout(tmp_path: Path, variables: Mapping[str, str], *options: str) -> "subprocess.CompletedProcess[str]":
-    command = [sys.executable, str(LAYOUT), "--json", "--out", str(tmp_path / "runs"), *options]
+    command = [sys.executable, str(DOCKER / "layout.py"), "--json", "--out", str(tmp_path / "runs"), *options]
     return subprocess.run(command, env=dict(variables), capture_output=True, text=True, timeout=150, check=False)
 
 
@@ -66,7 +69,7 @@ def test_the_layout_of_the_containers_equals_the_reference(tmp_path: Path, varia
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     history = simulate_from_bag(load_experiment(Path(variables["MABIRDS_CONFIG"]) / "small.yaml"))
-    assert found["learners"].keys() == history.keys()
+    assert list(found["learners"]) == list(history) == LEARNERS
     assert all(len(reference) == 1 + 12 + 2 for reference in history.values())
     assert_as_in_one_process(history, found)
     logs = Path(found["directory"]) / "logs"
@@ -85,3 +88,34 @@ def test_a_service_that_ends_ends_all_by_name(tmp_path: Path, variables: dict[st
     assert done.returncode == 3
     assert "learner_4 ended with code 2" in done.stderr
     assert "'learner_4' is none of the learners" in done.stderr
+
+
+def without_security() -> bool:
+    """Was the middleware of this Python built without security?"""
+    libraries = Path(sys.prefix, "lib").glob("libfastrtps.so.*.*.*")
+    return any(b"DDS:Auth:PKI-DH" not in library.read_bytes() for library in libraries)
+
+
+@pytest.mark.skipif(not without_security(), reason="needs a middleware without security")
+def test_the_secure_layout_has_all_that_security_takes_but_the_middleware(
+    tmp_path: Path, variables: dict[str, str]
+) -> None:
+    """A node looks at its settings and its enclave before it asks the middleware, which says no here."""
+    done = layout(tmp_path, variables, "--timeout", "60", *SECURE)
+    assert done.returncode == 3
+    assert "ended with code 2" in done.stderr
+    assert "rmw_fastrtps_cpp cannot start with security" in done.stderr
+    volumes = next((tmp_path / "runs").glob("*-layout")) / "volumes"
+    keys = [volumes / f"keys_{name}" for name in (*LEARNERS, "expert_player", "inspector")]
+    for place in keys:
+        check_settings([], {STRATEGY: "Enforce", KEYSTORE: str(as_keystore(place))})
+        assert not any(file.is_symlink() for file in place.iterdir())
+    assert len({(place / "key.pem").read_bytes() for place in keys}) == len(keys)
+
+
+def as_keystore(enclave: Path) -> Path:
+    """A keystore with this as its enclave /, like the one that a container has with its own."""
+    keystore = enclave.with_name(f"{enclave.name}.keystore")
+    keystore.mkdir()
+    (keystore / "enclaves").symlink_to(enclave)
+    return keystore

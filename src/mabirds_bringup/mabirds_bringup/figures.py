@@ -1,4 +1,4 @@
-"""Pictures of a patrol run: where the learned policies walk, what counts as forbidden, how learning went."""
+"""Pictures of a run: what the learned policies do, what counts as forbidden or costs, how learning went."""
 
 from pathlib import Path
 
@@ -9,19 +9,24 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
-from mabirds_bringup.evaluation import Evaluation, visits
+from mabirds_bringup.evaluation import Evaluation, flights_of, visits
 from mabirds_bringup.maps import draw_map
-from mabirds_core.assembly import patrol_game, policy_of
+from mabirds_bringup.rooms import Learned, draw_costs, draw_distance_costs
+from mabirds_core.assembly import drone_game, patrol_game, policy_of
 from mabirds_core.experiment import Experiment
+from mabirds_core.games.drone_settings import DroneSettings
+from mabirds_core.games.drones import DroneGame
 from mabirds_core.metrics import learned_constraints
 from mabirds_core.simulate import History
 
 DOTS_PER_INCH = 110
+SHOWN_FLIGHTS = 15
 
 
 def save_figures(experiment: Experiment, history: History, evaluation: Evaluation, directory: Path) -> list[str]:
     """Write map.png and curves.png; returns their names."""
-    figures = {"map.png": map_figure(experiment, history), "curves.png": curves_figure(evaluation)}
+    of_game = rooms_figure if isinstance(experiment.game, DroneSettings) else map_figure
+    figures = {"map.png": of_game(experiment, history), "curves.png": curves_figure(evaluation)}
     for name, figure in figures.items():
         figure.savefig(directory / name, dpi=DOTS_PER_INCH, bbox_inches="tight")
         plt.close(figure)
@@ -48,6 +53,25 @@ def map_figure(experiment: Experiment, history: History) -> Figure:
 def _joint_constraints(learned: np.ndarray) -> str:
     found = [name for name, is_learned in zip(("sharing", "swapping"), learned[-2:], strict=True) if is_learned]
     return "joint constraints: " + (", ".join(found) or "none")
+
+
+def rooms_figure(experiment: Experiment, history: History) -> Figure:
+    """A panel a learner and drone: what places cost and some flights; what distances cost."""
+    game, learned = drone_game(experiment), dict[str, Learned]()
+    for name, parameters in history.items():
+        flights = flights_of(experiment, game, policy_of(experiment, name, game)(parameters[-1]), SHOWN_FLIGHTS)
+        learned[name] = Learned(parameters[-1].omega, game.positions(flights.states))
+    return costs_figure(game, learned)
+
+
+def costs_figure(game: DroneGame, learned: dict[str, Learned]) -> Figure:
+    """Learned costs by learner: of each drone's places, with flights, and of the drones' distances."""
+    width = 2.3 * len(learned) + 1.0
+    figure = plt.figure(figsize=(width + 3.6, 2.3 * game.n_experts + 0.5), layout="constrained")
+    rooms, distances = figure.subfigures(1, 2, squeeze=False, width_ratios=(width, 3.6))[0]
+    draw_costs(rooms, game, learned)
+    draw_distance_costs(distances.subplots(), game, {name: one.omega for name, one in learned.items()})
+    return figure
 
 
 def curves_figure(evaluation: Evaluation) -> Figure:

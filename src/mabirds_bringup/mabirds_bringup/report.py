@@ -62,6 +62,6 @@ def _notes(summary: dict[str, Any]) -> str:
     distance = summary["consensus_distance"]
     return (
         f"A constraint counts as learned where its cost -omega exceeds {summary['constraint_threshold']:g}. Rates are"
-        f" exact. Consensus distance: theta {distance['theta']:.3g}, omega {distance['omega']:.3g}, policy (total"
-        f" variation) {distance['policy']:.3g}. Wall time {summary['wall_seconds']:.1f} s."
+        f" {summary['rates']}. Consensus distance: theta {distance['theta']:.3g}, omega {distance['omega']:.3g}, policy"
+        f" (total variation) {distance['policy']:.3g}. Wall time {summary['wall_seconds']:.1f} s."
     )

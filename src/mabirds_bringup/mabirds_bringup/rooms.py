@@ -1,6 +1,7 @@
 """A room with drones on an axis: pillars, doors, starts, flights, and what places are learned to cost."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -73,8 +74,15 @@ def draw_cost(
     return axis.imshow(field, cmap=FIELD, origin="lower", extent=extent, vmin=low, vmax=high)
 
 
-def draw_costs(figure: FigureBase, game: DroneGame, learned: dict[str, tuple[Vector, Array]]) -> None:
-    """A column for each omega (K,) with its flights (m, T + 1, N_E, 2), a row a drone; one scale for all panels."""
+class Learned(NamedTuple):
+    """Cost weights omega (K,) and flights of the policy (m, T + 1, N_E, 2) [m]."""
+
+    omega: Vector
+    places: Array
+
+
+def draw_costs(figure: FigureBase, game: DroneGame, learned: dict[str, Learned]) -> None:
+    """A column for each name in ``learned``, a row a drone; one scale for all panels."""
     axes = figure.subplots(game.n_experts, len(learned), squeeze=False)
     fields = [cost_field(game, omega, drone) for omega, _ in learned.values() for drone in range(game.n_experts)]
     limits = float(np.min(fields)), float(np.max(fields))

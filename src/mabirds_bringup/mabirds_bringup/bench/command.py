@@ -43,7 +43,9 @@ class Request:
     def tell(self, content: dict[str, Any]) -> None:
         """Which targets are met, and where the report is."""
         for target in content["targets"]:
-            console.print(f"{'met   ' if target['met'] else 'MISSED'} {target['name']}: {target['value']:.4f}")
+            console.print(
+                f"{'met   ' if target['met'] else 'MISSED'} {target['name']}: {target['value']:.4f}", soft_wrap=True
+            )
         console.print(f"report in {self.directory / 'report.html'}", soft_wrap=True)
 
 

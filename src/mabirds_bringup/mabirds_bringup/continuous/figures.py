@@ -13,12 +13,13 @@ from mabirds_bringup.bench.figures import draw_band, save_all
 from mabirds_bringup.bench.learning import drawn_streams
 from mabirds_bringup.continuous.cases import LATTICE, SOFT_ACTOR_CRITIC, VARIATIONS
 from mabirds_bringup.continuous.outcome import Outcome
-from mabirds_bringup.rooms import draw_costs, draw_distance_costs, draw_flights, draw_room
+from mabirds_bringup.figures import costs_figure
+from mabirds_bringup.rooms import Learned, draw_flights, draw_room
 from mabirds_core.assembly import drone_game
 from mabirds_core.experiment import Experiment
-from mabirds_core.games.drones import DroneGame
 
 SHOWN_DEMONSTRATIONS = 40
+LABEL_BOX = {"boxstyle": "round,pad=0.2", "fc": "white", "ec": "none", "alpha": 0.85}
 
 NAMES = {LATTICE: "", SOFT_ACTOR_CRITIC: "_soft_actor_critic", VARIATIONS: "_variations"}
 """What the groups' pictures are called."""
@@ -32,9 +33,9 @@ def save_figures(main: Experiment, sac: Experiment | None, outcomes: Sequence[Ou
         networks = [one for one in ones if one.learner.startswith("learner")]
         learners = [one for one in networks if one.label == MABIRDS and one.seed == networks[0].seed]
         if learners:
-            figures[f"cost{suffix}.png"] = cost_figure(
-                drone_game(sac if sac and group == SOFT_ACTOR_CRITIC else main), learners
-            )
+            experiment = sac if sac and group == SOFT_ACTOR_CRITIC else main
+            learned = {one.learner: Learned(np.array(one.omega), np.array(one.flights)) for one in learners}
+            figures[f"cost{suffix}.png"] = costs_figure(drone_game(experiment), learned)
         if ones:
             figures[f"rates{suffix}.png"] = rates_figure(ones)
         if networks:
@@ -53,24 +54,13 @@ def game_figure(experiment: Experiment) -> Figure:
     draw_flights(axis, game.positions(np.concatenate([one.states for one in shown])), range(game.n_experts))
     for drone, task in enumerate(game.settings.drones):
         for name, place in (("start", task.start), ("door", task.door.centre)):
-            axis.annotate(f"{name} {drone + 1}", place, ha="center", va="center", fontsize=8, weight="bold")
+            axis.annotate(f"{name} {drone + 1}", place, ha="center", va="center", fontsize=8, bbox=LABEL_BOX)
     axis.set_title(f"{experiment.name}: {len(shown)} demonstrations, room {_metres(game.settings.room)}", fontsize=9)
     return figure
 
 
 def _metres(room: tuple[float, float]) -> str:
     return f"{room[0]:g} m x {room[1]:g} m"
-
-
-def cost_figure(game: DroneGame, learners: Sequence[Outcome]) -> Figure:
-    """As Figure 4b: what each learner takes for the cost of places, with flights of its policy, and of distances."""
-    columns = len(learners)
-    figure = plt.figure(figsize=(2.3 * columns + 4.6, 2.3 * game.n_experts + 0.5), layout="constrained")
-    rooms, distances = figure.subfigures(1, 2, squeeze=False, width_ratios=(2.3 * columns + 1.0, 3.6))[0]
-    learned = {one.learner: (np.array(one.omega), np.array(one.flights)) for one in learners}
-    draw_costs(rooms, game, learned)
-    draw_distance_costs(distances.subplots(), game, {name: omega for name, (omega, _) in learned.items()})
-    return figure
 
 
 def rates_figure(outcomes: Sequence[Outcome]) -> Figure:
@@ -86,8 +76,14 @@ def rates_figure(outcomes: Sequence[Outcome]) -> Figure:
             draw_band(violation, f"{label}, actor", [one.actor_violation_rate for one in ones], **style)
     for axis, title in ((success, "success rate"), (violation, "constraint violation rate")):
         axis.set(xlabel="iterations made, closing rounds last", ylabel=title, ylim=(-0.02, 1.02))
+        _mark_last_updates(axis, outcomes)
     figure.legend(*success.get_legend_handles_labels(), fontsize=7, loc="outside upper center", ncols=5)
     return figure
+
+
+def _mark_last_updates(axis: Axes, outcomes: Sequence[Outcome]) -> None:
+    for updates in {len(one.seconds) for one in outcomes}:
+        axis.axvline(updates, color="0.5", linestyle=":", linewidth=0.9)
 
 
 def consensus_figure(outcomes: Sequence[Outcome]) -> Figure:
@@ -104,3 +100,4 @@ def _distances(axis: Axes, outcomes: Sequence[Outcome], name: str, distance: Cal
         by_seed = {one.seed: distance(one) for one in outcomes if one.label == label}
         draw_band(axis, label, list(by_seed.values()))
     axis.set(xlabel="iterations made, closing rounds last", ylabel=f"consensus distance of {name}")
+    _mark_last_updates(axis, outcomes)

@@ -74,6 +74,15 @@ class Judgement:
 
 
 @dataclass(frozen=True)
+class Agreement:
+    """How far the learners of a case are apart."""
+
+    theta: list[float]
+    omega: list[float]
+    policy: float
+
+
+@dataclass(frozen=True)
 class _Case:
     """One case with one seed, learned."""
 
@@ -90,15 +99,8 @@ class _Case:
 def run_case(case: Case, seed: int) -> list[Outcome]:
     """One outcome a learner."""
     learned = _learned(case, case.seeded(seed))
-    history = learned.history
-    judgements = {name: _judgement(learned, name) for name in history}
-    visitations = [place_visitation(learned.game, one.flights) for one in judgements.values()]
-    together = list(zip(*history.values(), strict=True))
-    agreement = (
-        [consensus_distance([one.theta for one in ones]) for ones in together],
-        [consensus_distance([one.omega for one in ones]) for ones in together],
-        flight_distance(visitations),
-    )
+    judgements = {name: _judgement(learned, name) for name in learned.history}
+    agreement = _agreement(learned, list(judgements.values()))
     return [_outcome(learned, name, one, agreement) for name, one in judgements.items()]
 
 
@@ -134,9 +136,16 @@ def _judgement(learned: _Case, name: str) -> Judgement:
     return Judgement(imitations, flights)
 
 
-def _outcome(
-    learned: _Case, name: str, judgement: Judgement, agreement: tuple[list[float], list[float], float]
-) -> Outcome:
+def _agreement(learned: _Case, judgements: list[Judgement]) -> Agreement:
+    together = list(zip(*learned.history.values(), strict=True))
+    return Agreement(
+        [consensus_distance([one.theta for one in ones]) for ones in together],
+        [consensus_distance([one.omega for one in ones]) for ones in together],
+        flight_distance([place_visitation(learned.game, one.flights) for one in judgements]),
+    )
+
+
+def _outcome(learned: _Case, name: str, judgement: Judgement, agreement: Agreement) -> Outcome:
     game, omega, actors = learned.game, learned.history[name][-1].omega, learned.actors.get(name, [])
     inside, rim = pillar_costs(game, omega)
     demonstrations = stacked([one for stream in learned.streams.values() for one in stream])
@@ -156,7 +165,9 @@ def _outcome(
         _rounded(rim),
         _rounded(flown_costs(game, omega, demonstrations)),
         _rounded(closeness_costs(game, omega)),
-        *agreement,
+        agreement.theta,
+        agreement.omega,
+        agreement.policy,
     )
 
 

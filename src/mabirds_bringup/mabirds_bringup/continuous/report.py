@@ -37,6 +37,8 @@ NOTE = (
     " the time of one's own updates counts. Gradient steps, policy solves and seconds are per online iteration of one"
     " learner on one thread. Memory is the peak of the process that learned; that of a network holds all its learners."
     " Targets are the paper's means for MA-BIRDS; for other methods mean + half-width of CVR, mean - half-width of SR."
+    " A pillar whose cost is near 0 is one that neither demonstrations nor imagined flights came near; it is dearer"
+    " than the ways flown only where those have a negative cost."
 )
 
 
