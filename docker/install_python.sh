@@ -16,5 +16,5 @@ grep -v '^setuptools==' constraints.txt >"$venv/constraints.txt"
 if [ -n "${TORCH_INDEX_URL:-}" ]; then
   export PIP_EXTRA_INDEX_URL="${PIP_EXTRA_INDEX_URL:-} $TORCH_INDEX_URL"
 fi
-"$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-cache-dir \
+"$venv/bin/python" -m pip install --quiet --disable-pip-version-check \
   --constraint "$venv/constraints.txt" --requirement "$venv/requirements.txt" "$@"

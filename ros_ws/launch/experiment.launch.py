@@ -2,7 +2,8 @@
 
     ros2 launch mabirds_bringup experiment.launch.py experiment:=/path/to/drones.yaml rate:=10.0
 
-These are the nodes of ``mabirds run``, which also watches them, ends with them and reports. Here they stay until Ctrl-C.
+These are the nodes of ``mabirds run``, which also watches them, ends when they are done, and reports. Here learners
+stay until Ctrl-C. It takes the packages ``launch`` and ``launch_ros`` of a ROS installation.
 """
 
 from pathlib import Path
@@ -12,6 +13,7 @@ from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
 
 from mabirds_core.experiment import load_experiment
 from mabirds_msgs_py.security import enclave_arguments
@@ -45,14 +47,19 @@ def nodes(context: LaunchContext) -> list[Node]:
     """The nodes of the experiment, once the arguments are known."""
     values = {name: str(LaunchConfiguration(name).perform(context)) for name in ARGUMENTS}
     file = Path(values["experiment"]).absolute()
-    common = {"experiment": str(file), "run": values["run"]}
-    played = {"bag": values["bag"], "rate": float(values["rate"]), "hz": float(values["hz"])}
+    common = {"experiment": _text(str(file)), "run": _text(values["run"])}
+    played = {"bag": _text(values["bag"]), "rate": float(values["rate"]), "hz": float(values["hz"])}
     names = load_experiment(file).learners
     return [*(_learner(name, common, values["checkpoints"]) for name in names), _player({**common, **played})]
 
 
-def _learner(name: str, common: dict[str, str], checkpoints: str) -> Node:
-    own: dict[str, Any] = {"checkpoints": str(Path(checkpoints, name).absolute())} if checkpoints else {}
+def _text(value: str) -> ParameterValue:
+    """A string, even where it looks like a number."""
+    return ParameterValue(value, value_type=str)
+
+
+def _learner(name: str, common: dict[str, Any], checkpoints: str) -> Node:
+    own = {"checkpoints": _text(str(Path(checkpoints, name).absolute()))} if checkpoints else {}
     return Node(
         package="mabirds_learner",
         executable="learner",

@@ -1,9 +1,9 @@
-from glob import glob
+from pathlib import Path
 
 from setuptools import find_packages, setup
 
 NAME = "mabirds_bringup"
-WORKSPACE = "../../ros_ws"  # from src/, wherever links to it are: this runs in this file's own directory
+WORKSPACE = Path("../../ros_ws")  # from src/, wherever links to it are: this runs in this file's own directory
 
 setup(
     name=NAME,
@@ -16,8 +16,8 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
-        (f"share/{NAME}/config", sorted(glob(f"{WORKSPACE}/config/*.yaml"))),
-        (f"share/{NAME}/launch", sorted(glob(f"{WORKSPACE}/launch/*.launch.py"))),
+        (f"share/{NAME}/config", sorted(map(str, WORKSPACE.glob("config/*.yaml")))),
+        (f"share/{NAME}/launch", sorted(map(str, WORKSPACE.glob("launch/*.launch.py")))),
     ],
     python_requires=">=3.11",
     install_requires=["mabirds_learner", "mabirds_expert_player", "cryptography", "matplotlib", "rich", "typer"],

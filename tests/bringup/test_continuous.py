@@ -190,7 +190,7 @@ def test_the_cases_are_all_methods_by_either_finder_and_variations() -> None:
 
 def test_an_outcome_is_what_the_simulation_came_to(make_drone_experiment: MakeExperiment) -> None:
     experiment = load_experiment(make_drone_experiment(iterations=3)).model_copy(update={"closing_rounds": 2})
-    first, again = (run_case(Case(LATTICE, "MA-BIRDS", experiment), 5) for _ in range(2))
+    first, again = (run_case(Case(LATTICE, "MA-BIRDS", experiment), 5, 40) for _ in range(2))
     assert [one.learner for one in first] == ["learner_1", "learner_2"]
     game = drone_game(experiment)
     for one, other in zip(first, again, strict=True):
@@ -203,13 +203,13 @@ def test_an_outcome_is_what_the_simulation_came_to(make_drone_experiment: MakeEx
         # A full graph of two agrees at once, up to rounding, and equal parameters fly alike.
         assert one.consensus_theta[2] > one.consensus_theta[-1] == pytest.approx(0, abs=1e-9)
         assert one.policy_distance == pytest.approx(0, abs=1e-3)
-    assert first[0].omega != run_case(Case(LATTICE, "MA-BIRDS", experiment), 6)[0].omega
+    assert first[0].omega != run_case(Case(LATTICE, "MA-BIRDS", experiment), 6, 40)[0].omega
 
 
 def test_actors_are_judged_at_every_update(make_drone_experiment: MakeExperiment) -> None:
     experiment = load_experiment(make_drone_experiment("soft_actor_critic", iterations=2))
     for case in (Case(SOFT_ACTOR_CRITIC, "MA-BIRDS", experiment), Case(SOFT_ACTOR_CRITIC, "BICS", experiment, "bics")):
-        for one in run_case(case, 5):
+        for one in run_case(case, 5, 40):
             assert len(one.actor_success_rate) == len(one.actor_violation_rate) == 2
             assert len(one.success_rate) == 3
 
@@ -239,12 +239,27 @@ def files(make_drone_experiment: MakeExperiment) -> tuple[Path, Path]:
 
 def test_the_command_writes_a_report(files: tuple[Path, Path], tmp_path: Path) -> None:
     out = tmp_path / "out"
-    options = ("--main", files[0], "--seeds", 1, "--iterations", 2, "--jobs", 2, "--out", out, "--json")
+    options = (
+        "--main",
+        files[0],
+        "--seeds",
+        1,
+        "--iterations",
+        2,
+        "--flights",
+        40,
+        "--jobs",
+        2,
+        "--out",
+        out,
+        "--json",
+    )
     result = mabirds("bench", "continuous", *options, cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     content = json.loads(result.stdout)
     assert content == json.loads((out / "summary.json").read_text(encoding="utf-8"))
     assert content["seeds"] == [301]
+    assert content["flights"] == 40
     assert {"cores", "threads", "python", "numpy", "scipy", "torch"} == set(content["machine"])
     groups = {(row["group"], row["label"]) for row in content["results"]}
     assert {(LATTICE, "ME-gradient"), (SOFT_ACTOR_CRITIC, "BICS"), (VARIATIONS, "neural reward")} <= groups
@@ -264,7 +279,19 @@ def test_a_group_can_be_run_again(files: tuple[Path, Path], tmp_path: Path) -> N
     (tmp_path / "sac").mkdir()
     elsewhere = Path(shutil.copy(files[1], tmp_path / "sac" / "networks.yaml"))
     files[1].unlink()
-    options = ("--main", files[0], "--seeds", 1, "--iterations", 2, "--out", tmp_path / "out", "--json")
+    options = (
+        "--main",
+        files[0],
+        "--seeds",
+        1,
+        "--iterations",
+        2,
+        "--flights",
+        40,
+        "--out",
+        tmp_path / "out",
+        "--json",
+    )
     refused = mabirds("bench", "continuous", *options, "--only", "soft_actor_critic", cwd=tmp_path)
     assert refused.returncode == 2
     assert "experiment_sac.yaml" in refused.stderr.replace("\n", "")

@@ -52,7 +52,11 @@ def axis() -> Axes:
 
 
 def circles(axis: Axes) -> set[tuple[float, float, float]]:
-    return {(*one.center, round(one.radius, 9)) for one in axis.patches if isinstance(one, Circle)}
+    return {
+        (round(one.center[0], 9), round(one.center[1], 9), round(one.radius, 9))
+        for one in axis.patches
+        if isinstance(one, Circle)
+    }
 
 
 def test_a_room_shows_pillars_what_they_keep_off_doors_and_starts(game: DroneGame, axis: Axes) -> None:

@@ -21,8 +21,8 @@ from mabirds_core.learning_settings import SoftActorCriticSettings
 from mabirds_core.metrics import Imitation, consensus_distance, drone_imitation, flight_distance, place_visitation
 from mabirds_core.simulate import History, Progress
 
-JUDGED, JUDGED_LAST = 200, 2000
-"""Flights that judge a policy; after the last update and after the closing rounds."""
+FLIGHTS = 2000
+"""That judge a policy after the last update, and after the closing rounds; a tenth of them after every other."""
 
 SHOWN_FLIGHTS = 15
 DIGITS = 6
@@ -94,28 +94,29 @@ class _Case:
     progress: dict[str, list[Progress]]
     actors: dict[str, list[Imitation]]
     peak_memory: float
+    flights: int
 
 
-def run_case(case: Case, seed: int) -> list[Outcome]:
-    """One outcome a learner."""
-    learned = _learned(case, case.seeded(seed))
+def run_case(case: Case, seed: int, flights: int = FLIGHTS) -> list[Outcome]:
+    """One outcome a learner; its last policies are judged by so many ``flights``, others by a tenth of them."""
+    learned = _learned(case, case.seeded(seed), flights)
     judgements = {name: _judgement(learned, name) for name in learned.history}
     agreement = _agreement(learned, list(judgements.values()))
     return [_outcome(learned, name, one, agreement) for name, one in judgements.items()]
 
 
-def _learned(case: Case, experiment: Experiment) -> _Case:
+def _learned(case: Case, experiment: Experiment, flights: int) -> _Case:
     game = drone_game(experiment)
     streams, actors = drawn_streams(experiment, game), defaultdict[str, list[Imitation]](list)
     networks = isinstance(experiment.algorithm.policy, SoftActorCriticSettings)
 
     def judge_actor(one: Progress) -> None:  # now, because policies are too large to be kept
         own = actors[one.name]
-        count = JUDGED_LAST if len(own) == experiment.iterations - 1 else JUDGED
+        count = flights if len(own) == experiment.iterations - 1 else flights // 10
         own.append(drone_imitation(game, flights_of(experiment, game, one.policy, count)))
 
     learned = learn(case, experiment, streams, judge_actor if networks else lambda _: None)
-    return _Case(case, experiment, game, streams, *learned, actors, peak_memory())
+    return _Case(case, experiment, game, streams, *learned, actors, peak_memory(), flights)
 
 
 def peak_memory() -> float:
@@ -131,7 +132,7 @@ def _judgement(learned: _Case, name: str) -> Judgement:
     policy, imitations = policy_of(experiment, name, game), list[Imitation]()
     for updates, one in enumerate(parameters):
         last = updates in {experiment.iterations, len(parameters) - 1}
-        flights = flights_of(experiment, game, policy(one), JUDGED_LAST if last else JUDGED)
+        flights = flights_of(experiment, game, policy(one), learned.flights if last else learned.flights // 10)
         imitations.append(drone_imitation(game, flights))
     return Judgement(imitations, flights)
 

@@ -11,7 +11,7 @@ from mabirds_bringup.bench.targets import COLUMNS as TARGET_COLUMNS
 from mabirds_bringup.bench.targets import Target, target_lines
 from mabirds_bringup.continuous.cases import LATTICE, SOFT_ACTOR_CRITIC, VARIATIONS
 from mabirds_bringup.continuous.figures import save_figures
-from mabirds_bringup.continuous.outcome import JUDGED, JUDGED_LAST, Outcome
+from mabirds_bringup.continuous.outcome import Outcome
 from mabirds_bringup.continuous.tables import (
     CLOSING_COLUMNS,
     PILLAR_COLUMNS,
@@ -30,8 +30,8 @@ GROUPS = {
     VARIATIONS: "Variations of MA-BIRDS",
 }
 NOTE = (
-    f"Mean ± half the range over the seeds. CVR and SR are shares of {JUDGED_LAST} flights of the policy that theta and"
-    f" omega mean, found near-exactly ({JUDGED} flights an iteration for the times to a success rate); an actor's are"
+    "Mean ± half the range over the seeds. CVR and SR are shares of {flights} flights of the policy that theta and"
+    " omega mean, found near-exactly (for the times to a success rate, {fewer} flights an iteration); an actor's are"
     " those of the network that the learner found last. STPOI: time per online iteration; 50% ST, 90% ST: time of"
     " updates until SR first is that high; each divided by the smallest of its column. Learners work at the same time:"
     " the time of one's own updates counts. Gradient steps, policy solves and seconds are per online iteration of one"
@@ -43,21 +43,26 @@ NOTE = (
 
 
 def write_report(
-    main: Experiment, sac: Experiment | None, outcomes: Sequence[Outcome], directory: Path, command: str
+    main: Experiment, sac: Experiment | None, outcomes: Sequence[Outcome], directory: Path, command: str, flights: int
 ) -> dict[str, Any]:
-    """Fill ``directory``; returns what --json prints. ``sac``: the experiment by soft actor-critic."""
+    """Fill ``directory``; returns what --json prints.
+
+    ``sac``: the experiment by soft actor-critic. ``flights``: that judged the last policies.
+    """
     found = targets(outcomes)
     content = {
         "command": command,
         "machine": machine("numpy", "scipy", "torch"),
+        "flights": flights,
         "seeds": sorted({one.seed for one in outcomes}),
         "results": [asdict(row) for row in rows(outcomes)],
         "targets": [target.as_dict() for target in found],
     }
     title = f"{main.name}: MA-BIRDS and central methods, {main.iterations} demonstrations a learner"
+    note = NOTE.format(flights=flights, fewer=flights // 10)
     pictures = save_figures(main, sac, outcomes, directory)
-    sections = list(_sections(main, outcomes, found))
-    report.write_report(directory, content, outcomes, Page(title, NOTE, sections, pictures))
+    page = Page(title, note, list(_sections(main, outcomes, found)), pictures)
+    report.write_report(directory, content, outcomes, page)
     return content
 
 

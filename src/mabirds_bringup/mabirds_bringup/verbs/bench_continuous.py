@@ -1,5 +1,6 @@
 """``mabirds bench continuous``: drones, Table 3 and Figure 4 of the paper."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -9,8 +10,9 @@ from mabirds_bringup.bench.cases import shortened
 from mabirds_bringup.bench.command import Request, command_line
 from mabirds_bringup.console import guarded_output, print_json
 from mabirds_bringup.continuous.cases import all_cases
-from mabirds_bringup.continuous.outcome import Outcome, run_case
+from mabirds_bringup.continuous.outcome import FLIGHTS, Outcome, run_case
 from mabirds_bringup.verbs.options import Jobs, Json, MostIterations, ReportDirectory, Seeds
+from mabirds_core.assembly import drone_game
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment import Experiment, load_experiment
 
@@ -23,6 +25,9 @@ def continuous(  # noqa: PLR0913, PLR0917 - the options of a command
     ] = None,
     seeds: Seeds = 5,
     iterations: MostIterations = 1_000_000,
+    flights: Annotated[
+        int, typer.Option(help="That judge the last policies; a tenth as many judge the others.", min=20, max=100_000)
+    ] = FLIGHTS,
     only: Annotated[
         Literal["lattice", "soft_actor_critic", "variations"] | None,
         typer.Option(help="Run this group of cases again; the others' outcomes stay as they are in --out."),
@@ -38,12 +43,12 @@ def continuous(  # noqa: PLR0913, PLR0917 - the options of a command
     from mabirds_bringup.continuous.report import write_report  # matplotlib takes a second to load
 
     with guarded_output() as stdout:
-        first, second = shortened(load_experiment(main), iterations), _networks(main, sac, iterations)
+        first, second = _loaded(main, iterations), _networks(main, sac, iterations)
         if only == "soft_actor_critic" and second is None:
             raise ExperimentError(f"{_beside(main)}: no such file; give the experiment by soft actor-critic with --sac")
         request = Request(out, only, seeds, jobs, fresh=True)
-        outcomes = request.outcomes(all_cases(first, second), run_case, Outcome)
-        content = write_report(first, second, outcomes, out, command_line())
+        outcomes = request.outcomes(all_cases(first, second), partial(run_case, flights=flights), Outcome)
+        content = write_report(first, second, outcomes, out, command_line(), flights)
         request.tell(content)
         if as_json:
             print_json(content, stdout)
@@ -52,7 +57,13 @@ def continuous(  # noqa: PLR0913, PLR0917 - the options of a command
 def _networks(main: Path, sac: Path | None, iterations: int) -> Experiment | None:
     """The experiment by soft actor-critic; None where there is none, and none was asked for."""
     file = sac or _beside(main)
-    return shortened(load_experiment(file), iterations) if sac or file.exists() else None
+    return _loaded(file, iterations) if sac or file.exists() else None
+
+
+def _loaded(file: Path, iterations: int) -> Experiment:
+    experiment = shortened(load_experiment(file), iterations)
+    drone_game(experiment)  # refuses other games
+    return experiment
 
 
 def _beside(main: Path) -> Path:

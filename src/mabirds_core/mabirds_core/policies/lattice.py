@@ -24,7 +24,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.sparse import csr_array
 
-from mabirds_core.arrays import Array, Indices, Vector
+from mabirds_core.arrays import Array, Indices, Mask, Vector
 from mabirds_core.drone_rewards import DroneRewardModel
 from mabirds_core.games.drone_features import DroneReward
 from mabirds_core.games.drones import DroneGame
@@ -37,8 +37,11 @@ RINGS = ((0.0, 1), (0.5, 8), (1.0, 16))
 RING_BOUNDS = (0.0, 0.25, 0.75, 1.0)
 """The ring of each speed; its share of the disc's area is what its moves weigh together."""
 
-LEAST = 1e-300
-"""What a backup may fall to beside the best that the two drones could do without each other."""
+LEAST = 1e-250
+"""Below this, beside the best that two drones could do without each other, sums of exp have lost their precision."""
+
+BLOCK = 5_000_000
+"""Terms that are summed up in logs at once."""
 
 
 def moves(speed: float) -> tuple[Array, Vector]:
@@ -208,12 +211,12 @@ class LatticeFinder:
 
 @dataclass(frozen=True)
 class Kernel:
-    """K_i: one drone's rewards and moves, its rows scaled by exp(-shift)."""
+    """log K_i of one drone: from each of S nodes to the W nodes around it."""
 
-    matrix: csr_array
-    rows: Indices
-    """Row of every entry of the matrix."""
-    shift: Vector
+    nodes: Indices
+    """Shape (S, W)."""
+    logs: Array
+    """Shape (S, W); -inf where no move leads."""
 
     @classmethod
     def of(
@@ -221,30 +224,38 @@ class Kernel:
     ) -> "Kernel":
         """From every node of the lattice."""
         scores = move_rewards(lattice, rewards, drone, lattice.nodes, temperature)
-        shift = scores.max(axis=1)
-        windows, size = lattice.everywhere, len(lattice.nodes)
-        entries = np.einsum("sa,saw->sw", np.exp(scores - shift[:, None]), windows.weights[:, drone])
-        columns, width = windows.nodes[:, drone].flatten(), windows.nodes.shape[2]  # a copy: the matrix changes it
-        matrix = csr_array((entries.ravel(), columns, np.arange(size + 1) * width), shape=(size, size))
-        matrix.eliminate_zeros()
-        return cls(matrix, np.repeat(np.arange(size), np.diff(matrix.indptr)), shift)
+        with np.errstate(divide="ignore"):
+            weights = np.log(lattice.everywhere.weights[:, drone])
+        logs = np.logaddexp.reduce(scores[:, :, None] + weights, axis=1)
+        return cls(lattice.everywhere.nodes[:, drone], logs)
 
     @classmethod
     def trivial(cls) -> "Kernel":
         """Of a drone that has nowhere to go, for games of one."""
-        return cls(csr_array(np.ones((1, 1))), np.zeros(1, dtype=np.int64), np.zeros(1))
+        return cls(np.zeros((1, 1), dtype=np.int64), np.zeros((1, 1)))
 
     @property
     def size(self) -> int:
         """S."""
-        return len(self.shift)
+        return len(self.nodes)
+
+    @cached_property
+    def reached(self) -> Mask:
+        """Where moves lead, shape (S, W)."""
+        return np.isfinite(self.logs)
+
+    @cached_property
+    def row_ends(self) -> Indices:
+        """Of the sparse matrix, shape (S + 1,)."""
+        return np.concatenate([[0], self.reached.sum(axis=1).cumsum()])
 
     def scaled(self, potential: Vector) -> tuple[csr_array, Vector]:
         """K diag(exp(potential)) with every row divided by exp of the second result, shape (S,)."""
-        entries = potential[self.matrix.indices]
-        largest = np.maximum.reduceat(entries, self.matrix.indptr[:-1])
-        data = self.matrix.data * np.exp(entries - largest[self.rows])
-        return csr_array((data, self.matrix.indices, self.matrix.indptr), shape=self.matrix.shape), largest
+        terms = self.logs + potential[self.nodes]
+        largest = terms.max(axis=1)
+        entries = np.exp(terms - largest[:, None])[self.reached]
+        columns = self.nodes[self.reached]
+        return csr_array((entries, columns, self.row_ends), shape=(self.size, self.size)), largest
 
 
 def backup(first: Kernel, second: Kernel, ahead: Array) -> Array:
@@ -252,13 +263,27 @@ def backup(first: Kernel, second: Kernel, ahead: Array) -> Array:
 
     Values range over thousands of nats, exp over 700. What one drone's place is worth at best is taken out of
     ``ahead`` first and goes into that drone's kernel, where it is scaled row by row; what is left is what the drones
-    cost each other.
+    cost each other. Where even that is too much, every pair of nodes around the drones is summed up in logs.
     """
     own = ahead.max(axis=1)
     rest = ahead - own[:, None]
     other = rest.max(axis=0)
-    k1, shift1 = first.scaled(own)
-    k2, shift2 = second.scaled(other)
+    (k1, shift1), (k2, shift2) = first.scaled(own), second.scaled(other)
     half = np.ascontiguousarray((k1 @ np.exp(rest - other)).T)
     total = (k2 @ half).T
-    return np.asarray(np.log(np.maximum(total, LEAST)) + (first.shift + shift1)[:, None] + second.shift + shift2)
+    values = np.asarray(np.log(np.maximum(total, LEAST)) + shift1[:, None] + shift2)
+    if total.min() < LEAST:
+        hard = np.argwhere(total < LEAST)
+        terms = len(hard) * first.nodes.shape[1] * second.nodes.shape[1]
+        for some in np.array_split(hard, 1 + terms // BLOCK):
+            values[tuple(some.T)] = pair_by_pair(first, second, ahead, some)
+    return values
+
+
+def pair_by_pair(first: Kernel, second: Kernel, ahead: Array, states: Indices) -> Vector:
+    """Some entries (H, 2) of the same without exp of anything but differences to the largest term, shape (H,)."""
+    one, two = states.T
+    terms = ahead[first.nodes[one][:, :, None], second.nodes[two][:, None, :]]
+    terms = terms + first.logs[one][:, :, None] + second.logs[two][:, None, :]
+    most = terms.max(axis=(1, 2))
+    return np.asarray(most + np.log(np.exp(terms - most[:, None, None]).sum(axis=(1, 2))))
