@@ -28,7 +28,7 @@ lint: setup ## check style and types
 	.venv/bin/ruff format --check
 	.venv/bin/mypy
 
-colcon: ## build ros_ws with colcon, and hear a node of its install tree
+colcon: ## build and test ros_ws with colcon, and hear a node of its install tree
 	tools/colcon_workspace.sh $(PYTHON)
 
 clean: ## remove .venv and everything else that was built (runs/ stays)

@@ -103,6 +103,9 @@ def test_costs_have_a_panel_a_learner_and_drone_and_one_scale(game: DroneGame) -
     assert low == min(axis.images[0].get_array().min() for axis in panels)
     assert high == max(axis.images[0].get_array().max() for axis in panels)
     assert all(len(axis.lines) == 4 for axis in panels)
+    first, other_door = circles(panels[0]), (0.4, 2.6, 0.3)
+    assert (2.6, 2.6, 0.3) in first
+    assert other_door not in first
     plt.close(figure)
 
 

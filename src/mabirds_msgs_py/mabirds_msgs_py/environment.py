@@ -6,7 +6,7 @@ from collections.abc import MutableMapping
 from pathlib import Path
 
 FASTDDS_PROFILE = Path(__file__).with_name("fastdds_profile.xml")
-"""How Fast DDS sends; docs/operations.md explains it."""
+"""How Fast DDS sends; docs/hosts.md explains it."""
 
 LOOPBACK_PROFILE = Path(__file__).with_name("fastdds_loopback_profile.xml")
 """The same, but to and from this host only."""
