@@ -1,7 +1,7 @@
 """A central method as a ROS node, to compare with: it subscribes to the demonstrations of all learners.
 
-Started in the namespace of its method (/bics, /ftl, /dlm, /me_greedy, /me_gradient), in the place of the learners. It publishes
-what a learner publishes, so that the player, the monitor and `mabirds inspect` take it for one.
+Started in the namespace of its method (/bics, /ftl, /dlm, /me_greedy, /me_gradient), in the place of the learners. It
+publishes what a learner publishes, so that the player, the monitor and `mabirds inspect` take it for one.
 """
 
 import sys
