@@ -184,7 +184,7 @@ def test_the_cases_are_all_methods_by_either_finder_and_variations() -> None:
     assert [case.method for case in by_group[LATTICE].values()] == [None, "bics", "ftl", "dlm", "me_gradient"]
     assert list(by_group[SOFT_ACTOR_CRITIC]) == ["MA-BIRDS", "BICS"]
     assert by_group[VARIATIONS]["pilots choose sides at random"].experiment.demonstrations.side == "random"
-    assert by_group[VARIATIONS]["neural reward"].experiment.algorithm.reward.kind == "neural"
+    assert by_group[VARIATIONS]["neural reward, the linear one's steps"].experiment.algorithm.reward.kind == "neural"
     assert {case.group for case in all_cases(main, None)} == {LATTICE, VARIATIONS}
 
 
@@ -262,7 +262,11 @@ def test_the_command_writes_a_report(files: tuple[Path, Path], tmp_path: Path) -
     assert content["flights"] == 40
     assert {"cores", "threads", "python", "numpy", "scipy", "torch"} == set(content["machine"])
     groups = {(row["group"], row["label"]) for row in content["results"]}
-    assert {(LATTICE, "ME-gradient"), (SOFT_ACTOR_CRITIC, "BICS"), (VARIATIONS, "neural reward")} <= groups
+    assert {
+        (LATTICE, "ME-gradient"),
+        (SOFT_ACTOR_CRITIC, "BICS"),
+        (VARIATIONS, "neural reward, the linear one's steps"),
+    } <= groups
     assert all(row["iterations"] == 2 and row["peak_memory"] > 50 for row in content["results"])
     with gzip.open(out / "outcomes.json.gz", "rt", encoding="utf-8") as stream:
         assert len(json.load(stream)) == len(content["results"])

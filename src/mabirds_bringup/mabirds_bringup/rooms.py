@@ -52,10 +52,10 @@ def draw_room(axis: Axes, game: DroneGame, drones: Sequence[int] | None = None, 
 
 def draw_flights(axis: Axes, places: Array, drones: Sequence[int], *, cased: bool = False) -> None:
     """Flights (m, T + 1, N_E, 2) of ``drones``, a line each. ``cased``: with a white rim, for a dark ground."""
-    rim = [Stroke(linewidth=1.8, foreground="white", alpha=0.8), Normal()] if cased else None
+    rim = [Stroke(linewidth=1.3, foreground="white", alpha=0.7), Normal()] if cased else None
     for drone in drones:
         for flight in places[:, :, drone]:
-            axis.plot(*flight.T, color=colour_of(drone), linewidth=0.8, alpha=0.8, path_effects=rim)
+            axis.plot(*flight.T, color=colour_of(drone), linewidth=0.7, alpha=0.9, path_effects=rim)
 
 
 def cost_field(game: DroneGame, omega: Vector, drone: int) -> Array:

@@ -14,7 +14,7 @@ from mabirds_bringup.bench.tables import Named
 from mabirds_bringup.console import console
 
 FIRST_SEED = 301
-"""The reported seeds are 301, 302, ...; none of them served to choose settings."""
+"""The reported seeds are 301, 302, ... where nothing else is said; none of them served to choose settings."""
 
 Outcome = TypeVar("Outcome", bound=Named)
 
@@ -27,6 +27,7 @@ class Request:
     only: str | None
     seeds: int
     jobs: int
+    first_seed: int = FIRST_SEED
     fresh: bool = False
     """Each case in a process of its own, so that its memory is its own."""
 
@@ -37,7 +38,7 @@ class Request:
         self.directory.mkdir(parents=True, exist_ok=True)
         asked = [case for case in cases if self.only in {None, case.group}]
         kept = [one for one in earlier_outcomes(self.directory, make) if one.group != self.only] if self.only else []
-        seeds = range(FIRST_SEED, FIRST_SEED + self.seeds)
+        seeds = range(self.first_seed, self.first_seed + self.seeds)
         return [*kept, *run_cases(run_case, asked, seeds, self.jobs, fresh=self.fresh)]
 
     def tell(self, content: dict[str, Any]) -> None:

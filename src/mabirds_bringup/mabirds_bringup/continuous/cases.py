@@ -27,4 +27,4 @@ def all_cases(main: Experiment, sac: Experiment | None) -> list[Case]:
 def _variations(main: Experiment) -> Iterator[Case]:
     sides = main.demonstrations.model_copy(update={"side": "random"})
     yield Case(VARIATIONS, "pilots choose sides at random", main.model_copy(update={"demonstrations": sides}))
-    yield Case(VARIATIONS, "neural reward", with_algorithm(main, reward=NEURAL))
+    yield Case(VARIATIONS, "neural reward, the linear one's steps", with_algorithm(main, reward=NEURAL))

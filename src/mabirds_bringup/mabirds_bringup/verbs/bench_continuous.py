@@ -7,11 +7,11 @@ from typing import Annotated, Literal
 import typer
 
 from mabirds_bringup.bench.cases import shortened
-from mabirds_bringup.bench.command import Request, command_line
+from mabirds_bringup.bench.command import FIRST_SEED, Request, command_line
 from mabirds_bringup.console import guarded_output, print_json
 from mabirds_bringup.continuous.cases import all_cases
 from mabirds_bringup.continuous.outcome import FLIGHTS, Outcome, run_case
-from mabirds_bringup.verbs.options import Jobs, Json, MostIterations, ReportDirectory, Seeds
+from mabirds_bringup.verbs.options import FirstSeed, Jobs, Json, MostIterations, ReportDirectory, Seeds
 from mabirds_core.assembly import drone_game
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment import Experiment, load_experiment
@@ -24,6 +24,7 @@ def continuous(  # noqa: PLR0913, PLR0917 - the options of a command
         typer.Option(help="The same by soft actor-critic. Default: MAIN_sac.yaml beside --main, where there is one."),
     ] = None,
     seeds: Seeds = 5,
+    first_seed: FirstSeed = FIRST_SEED,
     iterations: MostIterations = 1_000_000,
     flights: Annotated[
         int, typer.Option(help="That judge the last policies; a tenth as many judge the others.", min=20, max=100_000)
@@ -46,7 +47,7 @@ def continuous(  # noqa: PLR0913, PLR0917 - the options of a command
         first, second = _loaded(main, iterations), _networks(main, sac, iterations)
         if only == "soft_actor_critic" and second is None:
             raise ExperimentError(f"{_beside(main)}: no such file; give the experiment by soft actor-critic with --sac")
-        request = Request(out, only, seeds, jobs, fresh=True)
+        request = Request(out, only, seeds, jobs, first_seed, fresh=True)
         outcomes = request.outcomes(all_cases(first, second), partial(run_case, flights=flights), Outcome)
         content = write_report(first, second, outcomes, out, command_line(), flights)
         request.tell(content)

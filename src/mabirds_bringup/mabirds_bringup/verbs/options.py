@@ -13,7 +13,8 @@ CentralMethodName = Annotated[
     Literal["bics", "ftl", "dlm", "me_greedy", "me_gradient"] | None,
     typer.Option(help="Run this central method on all demonstrations, in the learners' place."),
 ]
-Seeds = Annotated[int, typer.Option(help="Seeds, from 301 on.", min=1, max=1000)]
+Seeds = Annotated[int, typer.Option(help="How many seeds.", min=1, max=1000)]
+FirstSeed = Annotated[int, typer.Option(help="The first of them.", min=0, max=1_000_000)]
 MostIterations = Annotated[int, typer.Option("--iterations", help="At most so many, for a quick look.", min=1)]
 Jobs = Annotated[int, typer.Option(help="Cases at once; times are comparable with 1.", min=1, max=256)]
 ReportDirectory = Annotated[Path, typer.Option(help="Report directory.")]
