@@ -78,13 +78,22 @@ def test_the_report_shows_its_numbers(tmp_path: Path) -> None:
     summary = {
         "experiment": "<patrol>",
         "constraint_threshold": 0.005,
+        "rates": "shares of 1000 flights",
         "learners": {"learner_1": {**row, "false_negative_rate": 0.0}},
         "consensus_distance": {"theta": 3.85, "omega": 6.95, "policy": 0.87},
         "wall_seconds": 12.0,
     }
     write_report(tmp_path, summary, ["map.png"])
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    for text in ("&lt;patrol&gt;", "<td>40</td>", "<td>0.002</td>", "<td>0.998</td>", "exceeds 0.005", "map.png"):
+    for text in (
+        "&lt;patrol&gt;",
+        "<td>40</td>",
+        "<td>0.002</td>",
+        "<td>0.998</td>",
+        "exceeds 0.005",
+        "of 1000 flights",
+        "map.png",
+    ):
         assert text in page
 
 
