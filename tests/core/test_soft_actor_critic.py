@@ -167,7 +167,7 @@ def test_a_gpu_that_is_not_there_is_missed_at_once() -> None:
 
 
 def test_nothing_follows_the_last_step() -> None:
-    """At t = T what is wanted of Q is the reward alone."""
+    """At t = T what is wanted of Q is what the action itself costs."""
     game = room(2)
     one = finder(game)
     policy = found(one)
@@ -176,8 +176,8 @@ def test_nothing_follows_the_last_step() -> None:
     networks, last = Networks(game, 8), 0
     for batch in batches:
         wanted, ends = one._wanted(networks, policy.learned, batch), batch.times == game.horizon
-        assert torch.equal(wanted[ends], batch.rewards[ends])
-        assert not torch.isclose(wanted[~ends], batch.rewards[~ends]).any()
+        assert torch.equal(wanted[ends], batch.efforts[ends])
+        assert not torch.isclose(wanted[~ends], batch.efforts[~ends]).any()
         last += int(ends.sum())
     assert last > 10
 
@@ -188,9 +188,17 @@ def test_rewards_are_those_of_the_newest_parameters() -> None:
     policy, omega = found(one), np.linspace(-1, 1, len(game.cost_features.names))
     batch = next(iter(one._batches(np.zeros(0), omega, policy.replay, 1, np.random.default_rng(0))))
     states, actions = (values.double().numpy() for values in (batch.states, batch.actions))
-    expected = total_reward(game, one.reward_model, np.zeros(0), states, actions)
-    expected += total_reward(game, game.cost_features, omega, states, actions)
-    assert np.allclose(batch.rewards.numpy(), expected, atol=1e-5)
+
+    def reward(states: Array, actions: Array) -> Array:
+        own = total_reward(game, one.reward_model, np.zeros(0), states, actions)
+        return np.asarray(own + total_reward(game, game.cost_features, omega, states, actions))
+
+    idle = np.zeros_like(actions)
+    assert np.allclose(batch.efforts.numpy(), reward(states, actions) - reward(states, idle), atol=1e-5)
+    followed, after = batch.times.numpy() < game.horizon, game.step(states, actions)
+    assert np.allclose(batch.successors.numpy()[followed], after[followed], atol=1e-5)
+    assert np.allclose(batch.idle.numpy()[followed], reward(after, idle)[followed], atol=1e-5)
+    assert followed.any()
 
 
 HALL = DroneSettings.model_validate(

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from mabirds_core.errors import InfeasibleError
+from mabirds_core.experiment import PassingSide
 from mabirds_core.games.drone_settings import DroneSettings
 from mabirds_core.games.drones import DroneGame
 from mabirds_core.games.interface import Trajectories
@@ -187,9 +188,17 @@ def test_one_start_by_start_is_one_side() -> None:
 def test_where_one_side_is_closed_all_take_the_other() -> None:
     """Between the pillar in the middle and the wall to the left of drone 1 there is no gap."""
     played = game(TASKS[:1], [((3.0, 3.0), 0.6), ((2.0, 4.0), 0.6), ((1.0, 5.0), 0.9)])
-    for side in ("by_start", "random"):
+    sides: list[PassingSide] = ["by_start", "random", "left"]
+    for side in sides:
         for flight in drawn(Pilots(played, side), 20):
             assert sides_taken(played, flight) == [RIGHT]
+
+
+@pytest.mark.parametrize(("side", "expected"), [("left", LEFT), ("right", RIGHT)])
+def test_all_pass_on_the_side_that_is_given(side: PassingSide, expected: int) -> None:
+    played = game()
+    for flight in drawn(Pilots(played, side), 20):
+        assert sides_taken(played, flight) == [expected, expected]
 
 
 def test_starts_are_drawn_once_a_demonstration(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -285,7 +294,7 @@ def test_those_who_meet_nobody_do_not_yield() -> None:
         np.testing.assert_array_equal(one.states, other.states)
 
 
-@pytest.mark.parametrize("side", ["by_start", "random"])
+@pytest.mark.parametrize("side", ["by_start", "random", "left", "right"])
 def test_most_flights_are_accepted(side: Any) -> None:
     pilots = Pilots(game(), side)
     assert np.mean([pilots._fault(flight) is None for flight in flights_of(pilots, range(80))]) >= 0.75

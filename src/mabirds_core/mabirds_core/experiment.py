@@ -77,6 +77,10 @@ GameSettings = Annotated[
 ]
 
 
+PassingSide = Literal["by_start", "random", "left", "right"]
+"""The side of a pillar on which pilots pass: where they started from it, either, or the same for all."""
+
+
 class DemonstrationSettings(Settings):
     """Where the recorded demonstrations are, and how they are recorded."""
 
@@ -86,7 +90,7 @@ class DemonstrationSettings(Settings):
     experts: Literal["optimal", "soft", "pilots"] = Field(
         "optimal", description="least cost, maximum entropy, or pilots of drones"
     )
-    side: Literal["by_start", "random"] = Field("by_start", description="what decides on which side pilots pass")
+    side: PassingSide = Field("by_start", description="on which side pilots pass, or what decides")
     seed: int = Field(0, ge=0, description="of the experts' choices")
 
 

@@ -15,12 +15,13 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from mabirds_core.arrays import Array, Indices, Mask, Vector
 from mabirds_core.errors import InfeasibleError
+from mabirds_core.experiment import PassingSide
 from mabirds_core.games.drone_geometry import swept_separation
 from mabirds_core.games.drones import DroneGame
 from mabirds_core.games.interface import Trajectories
@@ -56,8 +57,8 @@ class Pilots:
     """Draws demonstrations; see the module."""
 
     game: DroneGame
-    side: Literal["by_start", "random"]
-    """Those who start left of the straight way from their start's middle to their door pass left; or either, drawn."""
+    side: PassingSide
+    """By start: those who start left of the straight way from their start's middle to their door pass left."""
     cruise: tuple[float, float] = (0.88, 1.0)
     """Least and largest cruising speed, by the game's largest."""
     comfort: tuple[float, float] = (0.35, 0.55)
@@ -105,12 +106,20 @@ class Pilots:
 
     def _intention(self, rng: np.random.Generator) -> Intention:
         start = self.game.starts(1, rng)[0]
-        drawn = rng.choice([LEFT, RIGHT], size=self.game.n_experts)
-        sides = []
-        for drone, place in enumerate(self.game.positions(start)):
-            side = int(drawn[drone]) if self.side == "random" else self._planner.side_of(drone, place)
-            sides.append(side if side in self._planner.corridors[drone] else -side)
-        return Intention(start, sides)
+        wanted = self._wanted_sides(start, rng)
+        return Intention(
+            start, [side if side in self._planner.corridors[d] else -side for d, side in enumerate(wanted)]
+        )
+
+    def _wanted_sides(self, start: Array, rng: np.random.Generator) -> list[Side]:
+        count = self.game.n_experts
+        drawn = rng.choice([LEFT, RIGHT], size=count)
+        match self.side:
+            case "random":
+                return drawn.tolist()
+            case "by_start":
+                return [self._planner.side_of(drone, place) for drone, place in enumerate(self.game.positions(start))]
+        return [LEFT if self.side == "left" else RIGHT] * count
 
     def _flight(self, intention: Intention, rng: np.random.Generator) -> Trajectories:
         settings, paths = self.game.settings, self._paths(intention, rng)

@@ -11,6 +11,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 import torch
+from numpy.typing import ArrayLike
 from torch import Tensor
 
 from mabirds_core.games.drone_dynamics import DroneDynamics
@@ -24,6 +25,12 @@ LAST_LAYER = 0.01
 
 DECAYS, EPSILON = (0.9, 0.999), 1e-8
 """Adam's."""
+
+WAVES = 4
+"""Waves of time that networks see; values bend where doors come into reach and where time runs out."""
+
+CLOCK = 2 * WAVES + 1
+"""Numbers in which networks are told the time."""
 
 LEAST_SQUARE = 1e-6
 """Keeps lengths off 0, where they have no gradient."""
@@ -104,20 +111,16 @@ class Networks:
     hidden: int
     device: str = "cpu"
 
-    @property
-    def features(self) -> int:
-        """Numbers in which networks see a state."""
-        return self.game.state_size + len(self.game.pairs)
-
     @cached_property
     def actor(self) -> Layers:
         """From s and t to the means of the actions before they are squashed, and to what makes their deviations."""
-        return Layers((self.features + 1, self.hidden, self.hidden, 2 * self.game.action_size))
+        return Layers((self._seen + CLOCK, self.hidden, self.hidden, 2 * self.game.action_size))
 
     @cached_property
     def critic(self) -> Layers:
         """From s, t, a and s' to q."""
-        return Layers((2 * self.features + 1 + self.game.action_size, self.hidden, self.hidden, 1))
+        others = self.game.state_size + CLOCK + self.game.action_size
+        return Layers((others + self._seen, self.hidden, self.hidden, 1))
 
     @cached_property
     def dynamics(self) -> DroneDynamics:
@@ -128,21 +131,54 @@ class Networks:
     def horizons(self) -> Tensor:
         """h_t = 1 + gamma h_{t+1}, shape (T + 2,)."""
         powers = self.game.discount ** np.arange(self.game.horizon + 1)
-        return torch.tensor([*powers.cumsum()[::-1], 0.0], dtype=torch.float32, device=self.device)
-
-    def seen(self, states: Tensor) -> Tensor:
-        """States (M, N_E D) as networks see them: places and velocities from -1 to 1, distances of pairs [m]."""
-        drones = states.view(len(states), self.game.n_experts, -1)
-        places, velocities = drones[..., :2], drones[..., 2:] / self.dynamics.max_speed
-        parts = [(2 * places / self.dynamics.room - 1).flatten(1), velocities.flatten(1)]
-        if self.game.pairs:
-            one, other = np.transpose(self.game.pairs).tolist()
-            parts.append((((places[:, one] - places[:, other]) ** 2).sum(-1) + LEAST_SQUARE).sqrt())
-        return torch.cat(parts, dim=1)
+        return self._tensor([*powers.cumsum()[::-1], 0.0])
 
     def clock(self, times: Tensor) -> Tensor:
-        """From -1 to 1, shape (M, 1)."""
-        return (2 * times / self.game.horizon - 1)[:, None]
+        """Times as networks see them, shape (M, CLOCK)."""
+        angles = np.pi * (times / self.game.horizon)[:, None] * self._waves
+        return torch.cat([angles[:, :1] / np.pi, angles.sin(), angles.cos()], dim=1)
+
+    def plain(self, states: Tensor) -> Tensor:
+        """States with places and velocities from -1 to 1, shape (M, N_E D)."""
+        drones = states.view(len(states), self.game.n_experts, -1)
+        places, velocities = drones[..., :2], drones[..., 2:]
+        return torch.cat([2 * places / self.dynamics.room - 1, velocities / self.dynamics.max_speed], dim=2).flatten(1)
+
+    def seen(self, states: Tensor) -> Tensor:
+        """States as networks see them: also through bumps of each drone's place and of each pair's distance."""
+        places = states.view(len(states), self.game.n_experts, -1)[..., :2]
+        x, y = (torch.exp(-(((places[..., i, None] - self._axes[i]) / self._width) ** 2) / 2) for i in (0, 1))
+        parts = [self.plain(states), (x[..., :, None] * y[..., None, :]).flatten(1)]
+        if self.game.pairs:
+            one, other = np.transpose(self.game.pairs).tolist()
+            distances = (((places[:, one] - places[:, other]) ** 2).sum(-1) + LEAST_SQUARE).sqrt()[..., None]
+            parts += [distances.flatten(1), torch.exp(-((distances / self._distances) ** 2) / 2).flatten(1)]
+        return torch.cat(parts, dim=1)
+
+    @property
+    def _seen(self) -> int:
+        """Numbers in ``seen`` for each state."""
+        bumps, distances = self.game.reward_features.lattice.size, len(self.game.settings.features.distance_widths)
+        return self.game.state_size + self.game.n_experts * bumps + len(self.game.pairs) * (1 + distances)
+
+    @cached_property
+    def _axes(self) -> list[Tensor]:
+        return [self._tensor(axis) for axis in self.game.reward_features.lattice.axes]
+
+    @cached_property
+    def _width(self) -> float:
+        return self.game.reward_features.lattice.width
+
+    @cached_property
+    def _distances(self) -> Tensor:
+        return self._tensor(self.game.settings.features.distance_widths)
+
+    @cached_property
+    def _waves(self) -> Tensor:
+        return self._tensor(range(1, WAVES + 1))
+
+    def _tensor(self, values: ArrayLike) -> Tensor:
+        return torch.tensor(np.array(values), dtype=torch.float32, device=self.device)
 
     def gaussian(self, actor: Tensor, states: Tensor, times: Tensor) -> tuple[Tensor, Tensor]:
         """Means and log deviations of the actions before they are squashed, shapes (M, 2 N_E)."""
@@ -160,9 +196,9 @@ class Networks:
         return self.dynamics.max_action * actions.flatten(1), log_normal - log_determinant.sum(1) - log_uniform
 
     def q(self, critics: Tensor, states: Tensor, times: Tensor, actions: Tensor) -> Tensor:
-        """q_k(t, s, a, s') = Q_k(t, s, a) / h_t of each critic, shape (2, M)."""
+        """q_k(t, s, a, s') of each critic, shape (2, M)."""
         drones, controls = (values.view(len(values), self.game.n_experts, -1) for values in (states, actions))
         successors = self.dynamics.step(drones, controls).flatten(1)
-        scaled = actions / self.dynamics.max_action
-        inputs = torch.cat([self.seen(states), self.clock(times), scaled, self.seen(successors)], dim=1)
+        chosen = actions / self.dynamics.max_action
+        inputs = torch.cat([self.plain(states), self.clock(times), chosen, self.seen(successors)], dim=1)
         return self.critic(critics, inputs)[..., 0]

@@ -1,12 +1,13 @@
 """The constrained soft Bellman policy of any number of drones by soft actor-critic, at the temperature tau.
 
-    y     = r(s, a) + gamma ( min_k Q'_k(t+1, s', a') - tau log pi_{t+1}(a'|s') ),   a' ~ pi_{t+1};   y = r if t = T
+    y     = e(s, a) + gamma ( r(s', 0) + min_k Q'_k(t+1, s', a') - tau log pi_{t+1}(a'|s') ),   a' ~ pi_{t+1}
     Q_k  <- Q_k - lr grad mean ( ( Q_k(t, s, a) - y ) / h_t )^2                                 k = 1, 2: twin critics
     pi   <- pi  - lr grad mean ( tau log pi_t(a|s) - min_k Q_k(t, s, a) ),                                    a ~ pi_t
     Q'_k <- Q'_k + rho (Q_k - Q'_k)                                                                    target networks
 
-with r = r_theta + omega^T phi (Haarnoja, Zhou, Abbeel and Levine, ICML 2018; twin critics: Fujimoto, van Hoof and
-Meger, ICML 2018). tau stays as it is given: the fixed point is the soft Bellman policy of the reward divided by tau.
+with r = r_theta + omega^T phi, e(s, a) = r(s, a) - r(s, 0), and y = e(s, a) where t = T (Haarnoja, Zhou, Abbeel and
+Levine, ICML 2018; twin critics: Fujimoto, van Hoof and Meger, ICML 2018). tau stays as it is given: the fixed point is
+the soft Bellman policy of the reward divided by tau.
 
 - log pi is relative to mu, uniform in the disc of actions, so that values are those of ``lattice``. Each drone's
   action is a = a_max (tanh |u| / |u|) u with u Gaussian, its mean and deviation from the actor network.
@@ -14,6 +15,7 @@ Meger, ICML 2018). tau stays as it is given: the fixed point is the soft Bellman
   h_{T+1} = 0, is what a reward of one in every step left is worth. The network q_k, the mean reward of a step still
   to come, is of the same order at every t.
 - The dynamics are known, so critics are shown the successor s' of (s, a), through which the actor's gradient passes.
+  Rewards are known as well, so Q leaves out r(s, 0), which no action changes: its rest follows from a and s'.
 - Transitions are replayed off policy: rollouts of all searches, and demonstrations, which lead where rewards are.
 """
 
@@ -62,7 +64,10 @@ class Minibatch(NamedTuple):
     states: Tensor
     actions: Tensor
     successors: Tensor
-    rewards: Tensor
+    efforts: Tensor
+    """r(s, a) - r(s, 0)."""
+    idle: Tensor
+    """r(s', 0); of the last steps of flights neither this nor s' counts."""
     times: Tensor
     noise: Tensor
 
@@ -191,14 +196,18 @@ class SacFinder:
     ) -> Iterator[Minibatch]:
         """Transitions drawn from the replay, with the rewards of theta and omega."""
         states, actions = replay.transitions
-        rewards = total_reward(self.game, self.reward_model, theta, states, actions)
-        rewards += total_reward(self.game, self.game.cost_features, omega, states, actions)
+        idle, rewards = (self._rewards(theta, omega, states, chosen) for chosen in (np.zeros_like(actions), actions))
         times = np.arange(len(states)) % (self.game.horizon + 1)
         drawn = torch.from_numpy(replay.draws(steps, self.batch, SHOWN, rng)).to(self.device)
         noise = rng.standard_normal((steps, self.batch, 2, self.game.action_size), dtype=np.float32)
-        columns = (states, actions, self.game.step(states, actions), rewards, times)
+        columns = (states, actions, np.roll(states, -1, axis=0), rewards - idle, np.roll(idle, -1), times)
         rows = [torch.tensor(values, dtype=torch.float32, device=self.device)[drawn] for values in columns]
         return map(Minibatch, *rows, torch.tensor(noise, device=self.device))
+
+    def _rewards(self, theta: Vector, omega: Vector, states: Array, actions: Array) -> Vector:
+        """r(s, a), shape (M,)."""
+        own = total_reward(self.game, self.reward_model, theta, states, actions)
+        return own + total_reward(self.game, self.game.cost_features, omega, states, actions)
 
     def _step(self, networks: Networks, learned: ActorCritic, batch: Minibatch, rate: float) -> ActorCritic:
         """One step of the critics, then one of the actor, then the targets follow."""
@@ -218,8 +227,8 @@ class SacFinder:
         later = batch.times + 1
         actions, log_pi = networks.draw(learned.actor.weights, batch.successors, later, batch.noise[:, 0])
         q = networks.q(learned.targets, batch.successors, later, actions).amin(0)
-        value = networks.horizons[later.long()] * q - self.temperature * log_pi
-        return batch.rewards + self.game.discount * torch.where(later <= self.game.horizon, value, 0.0)
+        value = batch.idle + networks.horizons[later.long()] * q - self.temperature * log_pi
+        return batch.efforts + self.game.discount * torch.where(later <= self.game.horizon, value, 0.0)
 
     def _critic_loss(self, networks: Networks, critics: Tensor, batch: Minibatch, wanted: Tensor) -> Tensor:
         q = networks.q(critics, batch.states, batch.times, batch.actions)
