@@ -183,8 +183,11 @@ def test_the_cases_are_all_methods_by_either_finder_and_variations() -> None:
     assert list(by_group[LATTICE]) == ["MA-BIRDS", "BICS", "FTL", "DLM", "ME-gradient"]
     assert [case.method for case in by_group[LATTICE].values()] == [None, "bics", "ftl", "dlm", "me_gradient"]
     assert list(by_group[SOFT_ACTOR_CRITIC]) == ["MA-BIRDS", "BICS"]
-    assert by_group[VARIATIONS]["pilots choose sides at random"].experiment.demonstrations.side == "random"
-    assert by_group[VARIATIONS]["neural reward, the linear one's steps"].experiment.algorithm.reward.kind == "neural"
+    variations = by_group[VARIATIONS]
+    assert variations["sides at random"].experiment.demonstrations.side == "random"
+    assert variations["all pass on the right"].experiment.demonstrations.side == "right"
+    assert variations["neural reward"].experiment.algorithm.reward.kind == "neural"
+    assert variations["BICS by soft actor-critic, sides by start"].method == "bics"
     assert {case.group for case in all_cases(main, None)} == {LATTICE, VARIATIONS}
 
 

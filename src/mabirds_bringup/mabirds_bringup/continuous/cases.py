@@ -15,7 +15,7 @@ VARIATIONS = "variations"
 """The group of MA-BIRDS with other settings."""
 
 NEURAL = {"kind": "neural", "hidden": 32, "bound": 10.0}
-NEURAL_STEPS = {"alpha": 20.0, "beta": 0.02, "eta1": 0.8, "eta2": 0.65}
+NEURAL_STEPS = {"alpha": 20.0, "beta": 0.1, "eta1": 0.8, "eta2": 0.65}
 """A step of theta changes a network's reward far more than a linear one's."""
 
 
