@@ -1,0 +1,38 @@
+#!/usr/bin/env bash
+# Run tests with every other CPython from 3.11 to 3.13 that is here, by name or among pyenv's: each in a copy of the
+# sources, build/pythonX.Y, with an environment of its own.
+# usage: tools/other_pythons.sh PYTHON [PYTEST ARGUMENT ...]    (PYTHON: which has been tested already)
+set -euo pipefail
+if [ $# -eq 0 ]; then
+  sed -n 2,4p "$0" >&2
+  exit 2
+fi
+cd "$(dirname "$0")/.."
+tested=$("$1" -c 'import sys; print("%d.%d" % sys.version_info[:2])')
+shift
+
+find_python() {
+  local candidate
+  for candidate in "$(command -v "python$1")" "${PYENV_ROOT:-$HOME/.pyenv}/versions/$1".*"/bin/python$1"; do
+    if "$candidate" -c '' 2>/dev/null; then # pyenv has a python3.12 on the PATH that only says what to choose
+      echo "$candidate"
+      return
+    fi
+  done
+  return 1
+}
+
+for version in 3.11 3.12 3.13; do
+  [ "$version" != "$tested" ] || continue
+  if ! python=$(find_python "$version"); then
+    echo "== Python $version is not here"
+    continue
+  fi
+  echo "== Python $version: $python"
+  copy=build/python$version
+  mkdir -p "$copy"
+  find "$copy" -mindepth 1 -maxdepth 1 ! -name .venv -exec rm -rf {} + # what was deleted must not be tested
+  git ls-files -z --cached --others --exclude-standard | tar --create --null --files-from - | tar --extract -C "$copy"
+  make -C "$copy" setup PYTHON="$python"
+  (cd "$copy" && .venv/bin/python -m pytest "$@")
+done
