@@ -27,7 +27,7 @@ from mabirds_core.experiment import Experiment
 GROUPS = {
     LATTICE: "Table 3: all methods on the same demonstrations, policies found on a lattice",
     SOFT_ACTOR_CRITIC: "Policies found by soft actor-critic",
-    VARIATIONS: "Variations of MA-BIRDS",
+    VARIATIONS: "Variations",
 }
 NOTE = (
     "Mean ± half the range over the seeds. CVR and SR are shares of {flights} flights of the policy that theta and"
