@@ -104,8 +104,10 @@ def test_times_are_multiples_of_the_fastest_and_work_is_per_iteration() -> None:
 
 
 def test_soft_actor_critics_have_columns_of_their_actors() -> None:
-    columns, (line,) = table(rows([sac_outcome()]))
+    columns, (line, without) = table(rows([sac_outcome(), outcome("BICS", "bics")]))
     assert columns == ACTOR_COLUMNS
+    assert without[3:5] == ["", ""]
+    assert len(without) == len(line) == len(columns)
     found = dict(zip(columns, line, strict=True))
     assert (found["SR"], found["actor's CVR"], found["actor's SR"]) == tuple(
         f"{rate:.3f} ± 0.000" for rate in (0.98, 0.2, 0.7)

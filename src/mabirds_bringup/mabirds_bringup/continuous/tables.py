@@ -108,14 +108,19 @@ ACTOR_COLUMNS = (*COLUMNS[:3], "actor's CVR", "actor's SR", *COLUMNS[3:])
 
 def table(of: Sequence[Row]) -> tuple[Sequence[str], list[list[str]]]:
     """Table 3: columns, and a line a row. STPOI: time an online iteration, scaled."""
+    actors = any(row.actor_success_rate for row in of)
     times = scaled_lines([[row.iteration_seconds, *row.seconds_to_level] for row in of])
-    lines = [[name_of(row), *_rates(row), *own, *_work(row)] for row, own in zip(of, times, strict=True)]
-    return (ACTOR_COLUMNS if any(row.actor_success_rate for row in of) else COLUMNS), lines
+    lines = [
+        [name_of(row), *_rates(row)[: 4 if actors else 2], *own, *_work(row)]
+        for row, own in zip(of, times, strict=True)
+    ]
+    return (ACTOR_COLUMNS if actors else COLUMNS), lines
 
 
 def _rates(row: Row) -> list[str]:
+    """Those of the parameters, then those of the actor, empty where there is none."""
     rates = (row.violation_rate, row.success_rate, row.actor_violation_rate, row.actor_success_rate)
-    return [str(rate) for rate in rates if rate]
+    return [str(rate or "") for rate in rates]
 
 
 def _work(row: Row) -> list[str]:
