@@ -35,6 +35,7 @@ MABIRDS = [str(Path(sys.executable).with_name("mabirds"))]
 REPOSITORY = Path(__file__).resolve().parents[2]
 
 MakeExperiment = Callable[..., Path]
+QUICK = ("--seeds", 1, "--iterations", 2, "--flights", 40, "--json")
 
 
 def outcome(label: str = "MA-BIRDS", learner: str = "learner_1", seed: int = 1, **changes: Any) -> Outcome:
@@ -244,22 +245,7 @@ def files(make_drone_experiment: MakeExperiment) -> tuple[Path, Path]:
 
 def test_the_command_writes_a_report(files: tuple[Path, Path], tmp_path: Path) -> None:
     out = tmp_path / "out"
-    options = (
-        "--main",
-        files[0],
-        "--seeds",
-        1,
-        "--iterations",
-        2,
-        "--flights",
-        40,
-        "--jobs",
-        2,
-        "--out",
-        out,
-        "--json",
-    )
-    result = mabirds("bench", "continuous", *options, cwd=tmp_path)
+    result = mabirds("bench", "continuous", "--main", files[0], *QUICK, "--jobs", 2, "--out", out, cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     content = json.loads(result.stdout)
     assert content == json.loads((out / "summary.json").read_text(encoding="utf-8"))
@@ -267,11 +253,7 @@ def test_the_command_writes_a_report(files: tuple[Path, Path], tmp_path: Path) -
     assert content["flights"] == 40
     assert {"cores", "threads", "python", "numpy", "scipy", "torch"} == set(content["machine"])
     groups = {(row["group"], row["label"]) for row in content["results"]}
-    assert {
-        (LATTICE, "ME-gradient"),
-        (SOFT_ACTOR_CRITIC, "BICS"),
-        (VARIATIONS, "neural reward"),
-    } <= groups
+    assert {(LATTICE, "ME-gradient"), (SOFT_ACTOR_CRITIC, "BICS"), (VARIATIONS, "neural reward")} <= groups
     assert all(row["iterations"] == 2 and row["peak_memory"] > 50 for row in content["results"])
     with gzip.open(out / "outcomes.json.gz", "rt", encoding="utf-8") as stream:
         assert len(json.load(stream)) == len(content["results"])
@@ -288,19 +270,7 @@ def test_a_group_can_be_run_again(files: tuple[Path, Path], tmp_path: Path) -> N
     (tmp_path / "sac").mkdir()
     elsewhere = Path(shutil.copy(files[1], tmp_path / "sac" / "networks.yaml"))
     files[1].unlink()
-    options = (
-        "--main",
-        files[0],
-        "--seeds",
-        1,
-        "--iterations",
-        2,
-        "--flights",
-        40,
-        "--out",
-        tmp_path / "out",
-        "--json",
-    )
+    options = ("--main", files[0], *QUICK, "--out", tmp_path / "out")
     refused = mabirds("bench", "continuous", *options, "--only", "soft_actor_critic", cwd=tmp_path)
     assert refused.returncode == 2
     assert "experiment_sac.yaml" in refused.stderr.replace("\n", "")
