@@ -20,10 +20,10 @@ from mabirds_msgs.msg import LearnerStatus
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
-from mabirds_bringup import processes
 from mabirds_bringup.console import console, guarded_output
-from mabirds_bringup.supervisor import ProcessDiedError
-from mabirds_core.experiment import load_experiment
+from mabirds_bringup.run import processes
+from mabirds_bringup.run.supervisor import ProcessDiedError
+from mabirds_core.experiment.file import load_experiment
 from mabirds_msgs_py.environment import prepare_environment
 from mabirds_msgs_py.qos import latched
 

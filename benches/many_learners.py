@@ -19,10 +19,10 @@ import typer
 import yaml
 
 from mabirds_bringup.console import console, guarded_output
-from mabirds_bringup.monitor import MonitorNode
-from mabirds_bringup.network import Network
-from mabirds_bringup.supervisor import Supervisor
-from mabirds_core.experiment import Experiment, load_experiment
+from mabirds_bringup.run.network import Network
+from mabirds_bringup.run.supervisor import Supervisor
+from mabirds_bringup.watch.monitor import MonitorNode
+from mabirds_core.experiment.file import Experiment, load_experiment
 from mabirds_expert_player.recorder import record
 from mabirds_msgs_py.environment import prepare_environment
 

@@ -29,14 +29,16 @@ from typing import Any
 import yaml
 from safetensors.numpy import load_file
 
-from mabirds_bringup import processes, run_directory
-from mabirds_bringup.namespaces import VirtualLan, virtual_lan
-from mabirds_bringup.processes import NodeProcess
+from mabirds_bringup.run import processes, run_directory
+from mabirds_bringup.run.processes import NodeProcess
 from mabirds_core.errors import MabirdsError
-from mabirds_core.experiment import load_experiment
+from mabirds_core.experiment.file import load_experiment
 from mabirds_msgs_py.node_main import SUPERVISOR
 
 DOCKER = Path(__file__).resolve().parent
+sys.path.insert(0, str(DOCKER.parent / "tests" / "network"))  # the tests' own virtual networks
+from namespaces import VirtualLan, virtual_lan  # noqa: E402
+
 PROGRAMS = {
     "mabirds-entrypoint": "entrypoint.sh",
     "mabirds-healthy": "healthy.py",

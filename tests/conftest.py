@@ -12,8 +12,8 @@ import rclpy
 import yaml
 from rclpy.context import Context
 
-from mabirds_core.assembly import build_game
-from mabirds_core.experiment import Experiment, load_experiment
+from mabirds_core.experiment.assembly import build_game
+from mabirds_core.experiment.file import Experiment, load_experiment
 from mabirds_expert_player.recorder import record
 from mabirds_msgs_py.bag_reader import DemonstrationBag
 from mabirds_msgs_py.environment import prepare_environment

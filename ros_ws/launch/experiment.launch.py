@@ -15,7 +15,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-from mabirds_core.experiment import load_experiment
+from mabirds_core.experiment.file import load_experiment
 from mabirds_msgs_py.security import enclave_arguments
 
 PATROL = Path(__file__).resolve().parents[1] / "config" / "patrol.yaml"

@@ -17,7 +17,7 @@ import pytest
 import yaml
 from rosbags.rosbag2 import Reader
 
-from mabirds_bringup.processes import learner_command
+from mabirds_bringup.run.processes import learner_command
 
 MABIRDS = [str(Path(sys.executable).with_name("mabirds"))]
 

@@ -12,13 +12,13 @@ import pytest
 from mabirds_msgs.msg import LearnerStatus
 from rich.console import Console
 
-from mabirds_bringup import processes
+from mabirds_bringup.commands.simulate import simulate_from_bag
 from mabirds_bringup.console import guarded_output, print_json
-from mabirds_bringup.evaluation import evaluate
-from mabirds_bringup.live_table import live_table, plain_line
-from mabirds_bringup.report import write_report
-from mabirds_bringup.verbs.simulate import simulate_from_bag
-from mabirds_core.experiment import Experiment, load_experiment
+from mabirds_bringup.evaluate.evaluation import evaluate
+from mabirds_bringup.report.page import write_report
+from mabirds_bringup.run import processes
+from mabirds_bringup.watch.live_table import live_table, plain_line
+from mabirds_core.experiment.file import Experiment, load_experiment
 
 
 @pytest.fixture

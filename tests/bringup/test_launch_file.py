@@ -16,8 +16,8 @@ from typing import Any
 
 import pytest
 
-from mabirds_bringup.processes import learner_command, player_command
-from mabirds_core.experiment import load_experiment
+from mabirds_bringup.run.processes import learner_command, player_command
+from mabirds_core.experiment.file import load_experiment
 
 LAUNCH_FILE = Path(__file__).resolve().parents[2] / "ros_ws" / "launch" / "experiment.launch.py"
 

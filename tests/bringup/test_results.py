@@ -1,7 +1,7 @@
 """The audit of the delivered graph."""
 
-from mabirds_bringup.results import audit
-from mabirds_core.schedule import EdgeSchedule, both_ways
+from mabirds_bringup.evaluate.results import audit
+from mabirds_core.consensus.schedule import EdgeSchedule, both_ways
 
 SCHEDULE = EdgeSchedule(("a", "b", "c"), (both_ways([(0, 1)]), both_ways([(1, 2)])))
 FIRST, SECOND = [["b"], ["a"], []], [[], ["c"], ["b"]]

@@ -11,7 +11,7 @@ import pytest
 import yaml
 from PIL import Image
 
-from mabirds_core.experiment import load_experiment
+from mabirds_core.experiment.file import load_experiment
 
 MABIRDS = str(Path(sys.executable).with_name("mabirds"))
 

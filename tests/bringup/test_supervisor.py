@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from mabirds_bringup import supervisor as module
-from mabirds_bringup.supervisor import AT_ONCE, ProcessDiedError, Supervisor
+from mabirds_bringup.run import supervisor as module
+from mabirds_bringup.run.supervisor import AT_ONCE, ProcessDiedError, Supervisor
 
 SLEEPER = [sys.executable, "-c", "import time; time.sleep(60)"]
 

@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from mabirds_core.assembly import build_game
-from mabirds_core.experiment import Experiment
+from mabirds_core.experiment.assembly import build_game
+from mabirds_core.experiment.file import Experiment
 from mabirds_core.games.interface import Trajectories
-from mabirds_core.policies.occupancy import rollouts
-from mabirds_core.policies.soft_bellman import soft_bellman_policy
+from mabirds_core.planners.occupancy import rollouts
+from mabirds_core.planners.soft_bellman import soft_bellman_policy
 
 SETTINGS: dict[str, Any] = {
     "name": "tiny",

@@ -5,8 +5,8 @@ from itertools import permutations
 import networkx as nx
 from hypothesis import strategies as st
 
-from mabirds_core.schedule import EdgeSchedule, both_ways
-from mabirds_core.weights import Edge
+from mabirds_core.consensus.schedule import EdgeSchedule, both_ways
+from mabirds_core.consensus.weights import Edge
 
 Graph = tuple[int, frozenset[Edge]]
 """Number of learners, directed edges."""

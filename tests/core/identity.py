@@ -1,7 +1,7 @@
 """Equality to the last bit, which is what the network promises."""
 
-from mabirds_core.parameters import Parameters
-from mabirds_core.simulate import History
+from mabirds_core.algorithm.parameters import Parameters
+from mabirds_core.experiment.simulate import History
 
 
 def bits(parameters: Parameters) -> tuple[bytes, bytes]:

@@ -8,14 +8,14 @@ import numpy as np
 from experiments import changed
 
 from mabirds_core.arrays import Array
-from mabirds_core.assembly import drone_game
-from mabirds_core.drone_rewards import TrueDroneReward
-from mabirds_core.experiment import Experiment
-from mabirds_core.games.drone_settings import DroneSettings
-from mabirds_core.games.drones import DroneGame
+from mabirds_core.experiment.assembly import drone_game
+from mabirds_core.experiment.file import Experiment
+from mabirds_core.games.drones.game import DroneGame
+from mabirds_core.games.drones.lattice import LatticeFinder
+from mabirds_core.games.drones.rewards import TrueDroneReward
+from mabirds_core.games.drones.rollouts import drone_rollouts
+from mabirds_core.games.drones.settings import DroneSettings
 from mabirds_core.games.interface import Trajectories
-from mabirds_core.policies.drone_rollouts import drone_rollouts
-from mabirds_core.policies.lattice import LatticeFinder
 
 Pair = tuple[float, float]
 

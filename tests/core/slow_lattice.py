@@ -6,10 +6,10 @@ from itertools import product
 import numpy as np
 from rooms import Pair, SlowRoom
 
+from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Array, Vector
-from mabirds_core.drone_rewards import LinearDroneReward, NeuralDroneReward, TrueDroneReward
-from mabirds_core.games.drone_features import total_reward
-from mabirds_core.parameters import Parameters
+from mabirds_core.games.drones.features import total_reward
+from mabirds_core.games.drones.rewards import LinearDroneReward, NeuralDroneReward, TrueDroneReward
 
 Model = LinearDroneReward | NeuralDroneReward | TrueDroneReward
 

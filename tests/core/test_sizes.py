@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from experiments import demonstrations, experiment
 
-from mabirds_core.assembly import build_game, policy_of
-from mabirds_core.experiment import load_experiment
-from mabirds_core.metrics import exact_imitation
-from mabirds_core.simulate import simulate
+from mabirds_core.experiment.assembly import build_game, policy_of
+from mabirds_core.experiment.file import load_experiment
+from mabirds_core.experiment.simulate import simulate
+from mabirds_core.metrics.metrics import exact_imitation
 
 CONFIG = Path(__file__).resolve().parents[2] / "ros_ws" / "config"
 

@@ -15,7 +15,7 @@ import pytest
 import yaml
 
 from mabirds_bringup.security.policy import Policy
-from mabirds_core.experiment import Experiment, load_experiment
+from mabirds_core.experiment.file import Experiment, load_experiment
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 DOCKER = REPOSITORY / "docker"

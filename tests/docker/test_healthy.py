@@ -13,8 +13,8 @@ import pytest
 from rclpy.context import Context
 from rclpy.node import Node
 
-from mabirds_bringup import processes
-from mabirds_bringup.processes import NodeProcess, learner_command
+from mabirds_bringup.run import processes
+from mabirds_bringup.run.processes import NodeProcess, learner_command
 
 HEALTHY = Path(__file__).resolve().parents[2] / "docker" / "healthy.py"
 

@@ -8,9 +8,9 @@ import resource
 import sys
 from pathlib import Path
 
-from mabirds_core.assembly import build_game
 from mabirds_core.errors import MabirdsError
-from mabirds_core.experiment import Experiment, load_experiment
+from mabirds_core.experiment.assembly import build_game
+from mabirds_core.experiment.file import Experiment, load_experiment
 from mabirds_msgs_py.bag_reader import DemonstrationBag
 from mabirds_msgs_py.environment import prepare_environment
 

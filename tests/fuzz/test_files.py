@@ -18,11 +18,11 @@ from damage import Example, examples, outcome
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mabirds_core.assembly import build_game
+from mabirds_core.consensus.generators import gossip
+from mabirds_core.consensus.schedule import EdgeSchedule, validate
 from mabirds_core.errors import ExperimentError, ScheduleError
-from mabirds_core.experiment import Experiment, load_experiment
-from mabirds_core.generators import gossip
-from mabirds_core.schedule import EdgeSchedule, validate
+from mabirds_core.experiment.assembly import build_game
+from mabirds_core.experiment.file import Experiment, load_experiment
 from mabirds_msgs_py.bag_reader import DemonstrationBag
 from mabirds_msgs_py.errors import BagError
 

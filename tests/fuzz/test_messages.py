@@ -14,10 +14,10 @@ from mabirds_msgs.msg import EdgeSchedule as EdgeScheduleMessage
 from mabirds_msgs.msg import Parameters as ParametersMessage
 from truth import Truth, bits, disturbed, true_messages, without_forgeries
 
-from mabirds_core.assembly import build_learner, build_method
+from mabirds_core.algorithm.parameters import LARGEST, Parameters
 from mabirds_core.errors import MabirdsError
-from mabirds_core.parameters import LARGEST, Parameters
-from mabirds_core.simulate import simulate_central
+from mabirds_core.experiment.assembly import build_learner, build_method
+from mabirds_core.experiment.simulate import simulate_central
 from mabirds_learner.central_session import CentralSession
 from mabirds_learner.inbox import accept
 from mabirds_learner.session import StrictSession

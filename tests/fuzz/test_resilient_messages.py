@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from mabirds_msgs.msg import Mass, Membership
 from truth import Truth
 
-from mabirds_core.assembly import build_resilient_learner
-from mabirds_core.experiment import Experiment
-from mabirds_core.push_sum import RunningSum
+from mabirds_core.consensus.push_sum import RunningSum
+from mabirds_core.experiment.assembly import build_resilient_learner
+from mabirds_core.experiment.file import Experiment
 from mabirds_learner.resilient_session import ResilientSession
 from mabirds_msgs_py.conversion import RefusedMessageError
 from mabirds_msgs_py.mass_conversion import mass_message, read_mass, read_membership

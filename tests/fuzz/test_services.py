@@ -19,7 +19,7 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 from truth import Truth, bits, true_messages
 
-from mabirds_bringup.inspector import InspectorNode
+from mabirds_bringup.watch.inspector import InspectorNode
 from mabirds_msgs_py.qos import STATUS_QOS, announced, latched
 
 LONGEST = 1000

@@ -15,9 +15,9 @@ from rclpy.context import Context
 from rclpy.node import Node
 from truth import Truth, bits, copied
 
-from mabirds_bringup.monitor import MonitorNode
-from mabirds_bringup.network import Network
-from mabirds_bringup.results import audit
+from mabirds_bringup.evaluate.results import audit
+from mabirds_bringup.run.network import Network
+from mabirds_bringup.watch.monitor import MonitorNode
 from mabirds_msgs_py.qos import STATUS_QOS, announced, latched
 
 Spoil = Callable[[Any], Any]

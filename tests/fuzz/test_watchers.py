@@ -15,11 +15,11 @@ from mabirds_msgs.msg import EdgeSchedule, LearnerStatus
 from mabirds_msgs.msg import Parameters as ParametersMessage
 from truth import Truth, bits
 
-from mabirds_bringup.inspector import InspectorNode, describe
-from mabirds_bringup.live_table import plain_line
-from mabirds_bringup.monitor import MonitorNode
-from mabirds_bringup.results import audit
-from mabirds_bringup.verbs.inspect import _status_line
+from mabirds_bringup.commands.inspect import _status_line
+from mabirds_bringup.evaluate.results import audit
+from mabirds_bringup.watch.inspector import InspectorNode, describe
+from mabirds_bringup.watch.live_table import plain_line
+from mabirds_bringup.watch.monitor import MonitorNode
 from mabirds_core.texts import printable
 from mabirds_msgs_py.bag_writer import BagWriter
 

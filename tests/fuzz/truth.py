@@ -12,12 +12,12 @@ from mabirds_msgs.msg import Demonstration, LearnerStatus
 from mabirds_msgs.msg import EdgeSchedule as EdgeScheduleMessage
 from mabirds_msgs.msg import Parameters as ParametersMessage
 
-from mabirds_core.assembly import build_game
-from mabirds_core.experiment import Experiment, load_experiment
+from mabirds_core.algorithm.parameters import Parameters
+from mabirds_core.experiment.assembly import build_game
+from mabirds_core.experiment.file import Experiment, load_experiment
+from mabirds_core.experiment.simulate import History, simulate
 from mabirds_core.games.interface import Trajectories
-from mabirds_core.games.patrol import PatrolGame
-from mabirds_core.parameters import Parameters
-from mabirds_core.simulate import History, simulate
+from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_msgs_py.bag_reader import DemonstrationBag
 from mabirds_msgs_py.conversion import (
     RefusedMessageError,

@@ -9,11 +9,11 @@ import pytest
 from identity import bits
 
 from mabirds_core.arrays import Array
-from mabirds_core.assembly import build_game, build_learner
 from mabirds_core.errors import CheckpointError, MabirdsError
-from mabirds_core.experiment import Experiment, load_experiment
+from mabirds_core.experiment.assembly import build_game, build_learner
+from mabirds_core.experiment.file import Experiment, load_experiment
+from mabirds_core.experiment.simulate import History, simulate
 from mabirds_core.games.interface import Trajectories
-from mabirds_core.simulate import History, simulate
 from mabirds_learner.checkpoint import LASTING
 from mabirds_learner.session import StrictSession
 from mabirds_msgs_py.bag_reader import DemonstrationBag

@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mabirds_core.assembly import build_game, build_learner
+from mabirds_core.algorithm.parameters import Parameters
+from mabirds_core.consensus.schedule import EdgeSchedule, smallest_window
 from mabirds_core.errors import ScheduleError
-from mabirds_core.experiment import Experiment, load_experiment
+from mabirds_core.experiment.assembly import build_game, build_learner
+from mabirds_core.experiment.file import Experiment, load_experiment
+from mabirds_core.experiment.simulate import simulate
 from mabirds_core.games.interface import Trajectories
-from mabirds_core.parameters import Parameters
-from mabirds_core.schedule import EdgeSchedule, smallest_window
-from mabirds_core.simulate import simulate
 from mabirds_learner.learner_session import DEMONSTRATION
 from mabirds_learner.session import StrictSession
 from mabirds_msgs_py.bag_reader import DemonstrationBag

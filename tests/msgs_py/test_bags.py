@@ -13,8 +13,8 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from mabirds_core.assembly import build_game
-from mabirds_core.experiment import Experiment, load_experiment
+from mabirds_core.experiment.assembly import build_game
+from mabirds_core.experiment.file import Experiment, load_experiment
 from mabirds_core.games.interface import Trajectories
 from mabirds_expert_player.recorder import FIRST_STAMP, record
 from mabirds_msgs_py.bag_reader import DemonstrationBag

@@ -11,10 +11,10 @@ from mabirds_msgs.msg import EdgeSchedule as EdgeScheduleMessage
 from mabirds_msgs.msg import Parameters as ParametersMessage
 from rclpy.serialization import deserialize_message, serialize_message
 
-from mabirds_core.assembly import build_game
-from mabirds_core.experiment import Experiment
-from mabirds_core.parameters import Parameters
-from mabirds_core.schedule import EdgeSchedule
+from mabirds_core.algorithm.parameters import Parameters
+from mabirds_core.consensus.schedule import EdgeSchedule
+from mabirds_core.experiment.assembly import build_game
+from mabirds_core.experiment.file import Experiment
 from mabirds_msgs_py.bag_reader import DemonstrationBag
 from mabirds_msgs_py.conversion import (
     RefusedMessageError,

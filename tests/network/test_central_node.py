@@ -8,12 +8,12 @@ import pytest
 from rclpy.context import Context
 from rclpy.parameter import Parameter
 
-from mabirds_bringup.monitor import MonitorNode
-from mabirds_bringup.network import Network
-from mabirds_bringup.verbs.simulate import simulate_from_bag
+from mabirds_bringup.commands.simulate import simulate_from_bag
+from mabirds_bringup.run.network import Network
+from mabirds_bringup.watch.monitor import MonitorNode
+from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.errors import ExperimentError
-from mabirds_core.experiment import load_experiment
-from mabirds_core.parameters import Parameters
+from mabirds_core.experiment.file import load_experiment
 from mabirds_learner.central_node import CentralNode
 from mabirds_msgs_py.bag_writer import BagWriter
 

@@ -13,13 +13,13 @@ from typing import TypeGuard
 import pytest
 from identity import assert_same_histories
 
-from mabirds_bringup.monitor import MonitorNode
-from mabirds_bringup.network import PLAYER, Network
-from mabirds_bringup.processes import NodeProcess
-from mabirds_bringup.results import audit
-from mabirds_bringup.supervisor import Supervisor
-from mabirds_bringup.verbs.simulate import simulate_from_bag
-from mabirds_core.experiment import load_experiment
+from mabirds_bringup.commands.simulate import simulate_from_bag
+from mabirds_bringup.evaluate.results import audit
+from mabirds_bringup.run.network import PLAYER, Network
+from mabirds_bringup.run.processes import NodeProcess
+from mabirds_bringup.run.supervisor import Supervisor
+from mabirds_bringup.watch.monitor import MonitorNode
+from mabirds_core.experiment.file import load_experiment
 
 LONGEST_STOP = 3.0
 """Seconds for which a process is stopped at most."""

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from namespaces import obstacle
 from safetensors.numpy import load_file
 
-from mabirds_bringup.namespaces import obstacle
-from mabirds_bringup.verbs.simulate import simulate_from_bag
-from mabirds_core.experiment import load_experiment
+from mabirds_bringup.commands.simulate import simulate_from_bag
+from mabirds_core.experiment.file import load_experiment
 from mabirds_msgs_py.security import KEYSTORE, STRATEGY, check_settings
 
 OBSTACLE = obstacle()

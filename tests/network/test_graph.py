@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from mabirds_msgs.msg import Parameters
 
-from mabirds_bringup import processes
-from mabirds_core.experiment import load_experiment
+from mabirds_bringup.run import processes
+from mabirds_core.experiment.file import load_experiment
 from mabirds_msgs_py.interfaces import type_hash
 
 TOPICS = ("demonstration", "parameters")

@@ -12,9 +12,9 @@ from mabirds_msgs.msg import Parameters as ParametersMessage
 from mabirds_msgs.srv import FetchParameters
 from rclpy.exceptions import InvalidParameterValueException
 
+from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.errors import CheckpointError, ExperimentError, ScheduleError
-from mabirds_core.experiment import Experiment, load_experiment
-from mabirds_core.parameters import Parameters
+from mabirds_core.experiment.file import Experiment, load_experiment
 from mabirds_learner.learner_node import LearnerNode
 from mabirds_msgs_py import presence
 from mabirds_msgs_py.bag_reader import DemonstrationBag

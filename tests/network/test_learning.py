@@ -10,12 +10,12 @@ from mabirds_msgs.msg import LearnerStatus
 from rclpy.context import Context
 from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
 
-from mabirds_bringup.evaluation import evaluate
-from mabirds_bringup.monitor import MonitorNode
-from mabirds_bringup.network import PLAYER, Network
-from mabirds_bringup.results import audit
-from mabirds_bringup.verbs.simulate import simulate_from_bag
-from mabirds_core.experiment import load_experiment
+from mabirds_bringup.commands.simulate import simulate_from_bag
+from mabirds_bringup.evaluate.evaluation import evaluate
+from mabirds_bringup.evaluate.results import audit
+from mabirds_bringup.run.network import PLAYER, Network
+from mabirds_bringup.watch.monitor import MonitorNode
+from mabirds_core.experiment.file import load_experiment
 from mabirds_msgs_py.bag_writer import BagWriter
 from mabirds_msgs_py.qos import latched
 

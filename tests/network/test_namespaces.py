@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from namespaces import VirtualLan, obstacle, virtual_lan
 
-from mabirds_bringup import processes
-from mabirds_bringup.namespaces import VirtualLan, obstacle, virtual_lan
-from mabirds_bringup.processes import NodeProcess, learner_command, player_command
-from mabirds_bringup.results import audit
-from mabirds_bringup.verbs.simulate import simulate_from_bag
-from mabirds_core.experiment import load_experiment
+from mabirds_bringup.commands.simulate import simulate_from_bag
+from mabirds_bringup.evaluate.results import audit
+from mabirds_bringup.run import processes
+from mabirds_bringup.run.processes import NodeProcess, learner_command, player_command
+from mabirds_core.experiment.file import load_experiment
 from mabirds_msgs_py.environment import FASTDDS_PROFILE
 
 OBSTACLE = obstacle()

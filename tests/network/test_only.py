@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 import yaml
+from namespaces import VirtualLan, obstacle, virtual_lan
 
-from mabirds_bringup.evaluation import evaluate, summary
-from mabirds_bringup.namespaces import VirtualLan, obstacle, virtual_lan
-from mabirds_bringup.network import Network
-from mabirds_bringup.verbs.simulate import simulate_from_bag
+from mabirds_bringup.commands.simulate import simulate_from_bag
+from mabirds_bringup.evaluate.evaluation import evaluate, summary
+from mabirds_bringup.run.network import Network
 from mabirds_core.errors import ExperimentError
-from mabirds_core.experiment import load_experiment
+from mabirds_core.experiment.file import load_experiment
 from mabirds_msgs_py.environment import FASTDDS_PROFILE
 
 OBSTACLE = obstacle()

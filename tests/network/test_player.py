@@ -14,8 +14,8 @@ from rcl_interfaces.msg import FloatingPointRange
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 
-from mabirds_core.assembly import build_game
-from mabirds_core.experiment import Experiment, load_experiment
+from mabirds_core.experiment.assembly import build_game
+from mabirds_core.experiment.file import Experiment, load_experiment
 from mabirds_msgs_py.errors import BagError
 from mabirds_msgs_py.qos import STATUS_QOS, latched
 

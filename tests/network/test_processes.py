@@ -11,8 +11,8 @@ import psutil
 import pytest
 from mabirds_msgs.msg import LearnerStatus
 
-from mabirds_bringup.processes import learner_command, player_command
-from mabirds_core.experiment import load_experiment
+from mabirds_bringup.run.processes import learner_command, player_command
+from mabirds_core.experiment.file import load_experiment
 from mabirds_msgs_py.qos import STATUS_QOS
 
 Start = Callable[[Sequence[str]], "subprocess.Popen[str]"]

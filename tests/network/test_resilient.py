@@ -11,12 +11,12 @@ import pytest
 from mabirds_msgs.msg import LearnerStatus, Mass, Membership
 from rclpy.context import Context
 
-from mabirds_bringup.declaration import DeclarationError, DeclarerNode
-from mabirds_bringup.monitor import MonitorNode
-from mabirds_bringup.network import Network
-from mabirds_bringup.supervisor import Supervisor
-from mabirds_bringup.verbs.simulate import simulate_from_bag
-from mabirds_core.experiment import load_experiment
+from mabirds_bringup.commands.simulate import simulate_from_bag
+from mabirds_bringup.run.declaration import DeclarationError, DeclarerNode
+from mabirds_bringup.run.network import Network
+from mabirds_bringup.run.supervisor import Supervisor
+from mabirds_bringup.watch.monitor import MonitorNode
+from mabirds_core.experiment.file import load_experiment
 from mabirds_msgs_py.bag_writer import BagWriter
 from mabirds_msgs_py.mass_conversion import mass_message, membership_message
 from mabirds_msgs_py.qos import announced, latched

@@ -16,14 +16,14 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
-from mabirds_bringup.declaration import DeclarerNode
-from mabirds_bringup.inspector import InspectorNode
-from mabirds_bringup.monitor import MonitorNode
-from mabirds_bringup.processes import learner_command, player_command
+from mabirds_bringup.run.declaration import DeclarerNode
+from mabirds_bringup.run.processes import learner_command, player_command
 from mabirds_bringup.security.keystore import create_keystore
 from mabirds_bringup.security.permissions import Validity
 from mabirds_bringup.security.policy import Access, Policy
-from mabirds_core.experiment import load_experiment
+from mabirds_bringup.watch.inspector import InspectorNode
+from mabirds_bringup.watch.monitor import MonitorNode
+from mabirds_core.experiment.file import load_experiment
 from mabirds_expert_player.player_node import ExpertPlayerNode
 from mabirds_learner.central_node import CentralNode
 from mabirds_msgs_py.bag_writer import BagWriter

@@ -13,9 +13,9 @@ import numpy as np
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 
-from mabirds_bringup.monitor import MonitorNode
-from mabirds_core.experiment import load_experiment
-from mabirds_core.simulate import History
+from mabirds_bringup.watch.monitor import MonitorNode
+from mabirds_core.experiment.file import load_experiment
+from mabirds_core.experiment.simulate import History
 from mabirds_msgs_py.bag_writer import BagWriter
 from mabirds_msgs_py.environment import prepare_environment
 

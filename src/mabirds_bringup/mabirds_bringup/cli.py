@@ -1,4 +1,4 @@
-"""The ``mabirds`` command: one verb a file in ``mabirds_bringup.verbs``."""
+"""The ``mabirds`` command: one verb a file in ``mabirds_bringup.commands``."""
 
 import sys
 
@@ -6,17 +6,17 @@ import typer
 from typer.exceptions import TyperException
 
 from mabirds_bringup import exit_codes
+from mabirds_bringup.commands.bag import bag_app
+from mabirds_bringup.commands.bench import bench_app
+from mabirds_bringup.commands.inspect import inspect
+from mabirds_bringup.commands.members import members
+from mabirds_bringup.commands.record import record
+from mabirds_bringup.commands.run import run
+from mabirds_bringup.commands.schedule import schedule_app
+from mabirds_bringup.commands.security import security_app
+from mabirds_bringup.commands.simulate import simulate
 from mabirds_bringup.console import console
-from mabirds_bringup.supervisor import ProcessDiedError
-from mabirds_bringup.verbs.bag import bag_app
-from mabirds_bringup.verbs.bench import bench_app
-from mabirds_bringup.verbs.inspect import inspect
-from mabirds_bringup.verbs.members import members
-from mabirds_bringup.verbs.record import record
-from mabirds_bringup.verbs.run import run
-from mabirds_bringup.verbs.schedule import schedule_app
-from mabirds_bringup.verbs.security import security_app
-from mabirds_bringup.verbs.simulate import simulate
+from mabirds_bringup.run.supervisor import ProcessDiedError
 from mabirds_core.errors import MabirdsError
 from mabirds_msgs_py.environment import prepare_environment
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 
-from mabirds_core.experiment import load_experiment
+from mabirds_core.experiment.file import load_experiment
 from mabirds_msgs_py.environment import prepare_environment
 
 

@@ -7,9 +7,9 @@ import sys
 import numpy as np
 import pytest
 
-from mabirds_core.assembly import build_game, policy_of
-from mabirds_core.experiment import Experiment
-from mabirds_core.simulate import simulate
+from mabirds_core.experiment.assembly import build_game, policy_of
+from mabirds_core.experiment.file import Experiment
+from mabirds_core.experiment.simulate import simulate
 
 LOAD_ALL = """
 import importlib, pkgutil, sys

@@ -18,8 +18,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 
-from mabirds_core.assembly import METHODS, build_game
 from mabirds_core.errors import ExperimentError
+from mabirds_core.experiment.assembly import METHODS, build_game
 from mabirds_core.texts import shortened
 from mabirds_expert_player.diagnostics import playing_diagnostic
 from mabirds_expert_player.stream import Claims, Stream

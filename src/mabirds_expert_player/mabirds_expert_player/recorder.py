@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from mabirds_core.assembly import AnyGame, build_game
-from mabirds_core.experiment import Experiment
-from mabirds_core.games.drones import DroneGame
+from mabirds_core.experiment.assembly import AnyGame, build_game
+from mabirds_core.experiment.file import Experiment
+from mabirds_core.games.drones.game import DroneGame
+from mabirds_core.games.drones.pilots import Pilots, pilot_demonstrations
 from mabirds_core.games.interface import Trajectories
-from mabirds_expert_player.experts import KINDS, demonstrations
-from mabirds_expert_player.pilots import Pilots, pilot_demonstrations
+from mabirds_core.games.tabular.experts import KINDS, demonstrations
 from mabirds_msgs_py.bag_writer import BagWriter
 from mabirds_msgs_py.conversion import NANOSECONDS, demonstration_message
 from mabirds_msgs_py.topics import bag_topic

@@ -5,9 +5,9 @@ import sys
 
 import numpy as np
 
-from mabirds_core.games.patrol import PatrolGame, PatrolSettings
-from mabirds_core.policies.occupancy import rollouts
-from mabirds_expert_player.experts import OptimalExperts
+from mabirds_core.games.patrol.game import PatrolGame, PatrolSettings
+from mabirds_core.games.tabular.experts import OptimalExperts
+from mabirds_core.planners.occupancy import rollouts
 from mabirds_expert_player.player_node import HELP
 
 

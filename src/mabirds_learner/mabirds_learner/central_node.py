@@ -11,7 +11,7 @@ from typing import Any
 
 from mabirds_msgs.msg import Demonstration
 
-from mabirds_core.assembly import build_game, build_method
+from mabirds_core.experiment.assembly import build_game, build_method
 from mabirds_learner.central_session import CentralSession
 from mabirds_learner.progress_node import ProgressNode
 from mabirds_msgs_py import topics

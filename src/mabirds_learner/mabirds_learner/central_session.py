@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
+from mabirds_core.algorithm.gradient import stacked
 from mabirds_core.baselines.interface import CentralMethod, CentralState
 from mabirds_core.games.interface import Trajectories
-from mabirds_core.gradient import stacked
 from mabirds_learner.inbox import accept
 from mabirds_learner.progress import Standing
 

@@ -11,7 +11,7 @@ from typing import Any
 from mabirds_msgs.msg import Demonstration
 from mabirds_msgs.srv import FetchParameters
 
-from mabirds_core.mixing import ResilientMixing
+from mabirds_core.consensus.settings import ResilientMixing
 from mabirds_learner.checkpoint import CheckpointStore, Owner
 from mabirds_learner.learner_session import LearnerSession
 from mabirds_learner.progress_node import ProgressNode

@@ -5,12 +5,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mabirds_core.algorithm import Learner
+from mabirds_core.algorithm.learner import Learner
+from mabirds_core.algorithm.parameters import Parameters
+from mabirds_core.algorithm.storage import parameters_of
 from mabirds_core.arrays import Array
 from mabirds_core.errors import CheckpointError
 from mabirds_core.games.interface import Trajectories
-from mabirds_core.parameters import Parameters
-from mabirds_core.storage import parameters_of
 from mabirds_learner.checkpoint import Checkpoints
 from mabirds_learner.inbox import accept
 from mabirds_learner.progress import Standing

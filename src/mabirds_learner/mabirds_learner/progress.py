@@ -2,10 +2,10 @@
 
 from typing import Protocol
 
-from mabirds_core.algorithm import LearnerState
+from mabirds_core.algorithm.learner import LearnerState
+from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.baselines.interface import CentralState
-from mabirds_core.parameters import Parameters
-from mabirds_core.resilient import ResilientState
+from mabirds_core.consensus.resilient import ResilientState
 
 
 class Session(Protocol):

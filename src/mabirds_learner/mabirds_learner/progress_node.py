@@ -10,10 +10,10 @@ from mabirds_msgs.msg import EdgeSchedule, LearnerStatus
 from mabirds_msgs.msg import Parameters as ParametersMessage
 from rclpy.node import Node
 
+from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.errors import ExperimentError
 from mabirds_core.games.interface import ConstrainedMarkovGame
-from mabirds_core.metrics import norms
-from mabirds_core.parameters import Parameters
+from mabirds_core.metrics.metrics import norms
 from mabirds_learner.diagnostics import HARMLESS, learning_diagnostic
 from mabirds_learner.progress import Session
 from mabirds_msgs_py import diagnostics, topics

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 from mabirds_msgs.msg import Mass, Membership
 from rclpy.publisher import Publisher
 
-from mabirds_core.assembly import build_resilient_learner
-from mabirds_core.mixing import ResilientMixing
+from mabirds_core.consensus.settings import ResilientMixing
+from mabirds_core.experiment.assembly import build_resilient_learner
 from mabirds_learner.resilient_session import ResilientSession
 from mabirds_msgs_py import topics
 from mabirds_msgs_py.conversion import RefusedMessageError

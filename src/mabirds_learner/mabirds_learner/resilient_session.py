@@ -14,13 +14,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from mabirds_core.algorithm.storage import from_arrays, ledger_arrays, ledger_from, to_arrays
 from mabirds_core.arrays import Array
+from mabirds_core.consensus.membership import among
+from mabirds_core.consensus.push_sum import RunningSum
+from mabirds_core.consensus.resilient import ResilientLearner, ResilientState
 from mabirds_core.errors import ScheduleError
-from mabirds_core.membership import among
-from mabirds_core.metrics import norms
-from mabirds_core.push_sum import RunningSum
-from mabirds_core.resilient import ResilientLearner, ResilientState
-from mabirds_core.storage import from_arrays, ledger_arrays, ledger_from, to_arrays
+from mabirds_core.metrics.metrics import norms
 from mabirds_learner.learner_session import LearnerSession
 from mabirds_msgs_py.conversion import RefusedMessageError
 

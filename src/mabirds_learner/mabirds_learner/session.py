@@ -7,13 +7,13 @@ theta(n), omega(n) of every in-neighbour of E(n); it waits for as long as one is
 from collections import defaultdict
 from collections.abc import Mapping
 
-from mabirds_core.algorithm import Learner, LearnerState
+from mabirds_core.algorithm.learner import Learner, LearnerState
+from mabirds_core.algorithm.parameters import Parameters
+from mabirds_core.algorithm.storage import from_arrays, to_arrays
 from mabirds_core.arrays import Array
+from mabirds_core.consensus.schedule import EdgeSchedule, smallest_window
 from mabirds_core.errors import ScheduleError
-from mabirds_core.metrics import norms
-from mabirds_core.parameters import Parameters
-from mabirds_core.schedule import EdgeSchedule, smallest_window
-from mabirds_core.storage import from_arrays, to_arrays
+from mabirds_core.metrics.metrics import norms
 from mabirds_learner.inbox import accept
 from mabirds_learner.learner_session import LearnerSession
 

@@ -10,12 +10,12 @@ from mabirds_msgs.msg import EdgeSchedule as EdgeScheduleMessage
 from mabirds_msgs.msg import Parameters as ParametersMessage
 from numpy.typing import NDArray
 
+from mabirds_core.algorithm.parameters import LARGEST, Parameters
+from mabirds_core.consensus.schedule import EdgeSchedule, End, require_size
+from mabirds_core.consensus.weights import Edge
 from mabirds_core.errors import ImpossibleTrajectoryError, MabirdsError, ScheduleError
 from mabirds_core.games.interface import ConstrainedMarkovGame, Trajectories
-from mabirds_core.parameters import LARGEST, Parameters
-from mabirds_core.schedule import EdgeSchedule, End, require_size
 from mabirds_core.texts import printable, shortened
-from mabirds_core.weights import Edge
 
 NANOSECONDS = 1_000_000_000
 

@@ -6,7 +6,7 @@ import numpy as np
 from mabirds_msgs.msg import Mass, Membership
 
 from mabirds_core.arrays import Vector
-from mabirds_core.push_sum import RunningSum
+from mabirds_core.consensus.push_sum import RunningSum
 from mabirds_core.texts import shortened
 from mabirds_msgs_py.conversion import RefusedMessageError, floats
 

@@ -6,7 +6,7 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 
 from mabirds_core.errors import ExperimentError
-from mabirds_core.experiment import Experiment, load_experiment
+from mabirds_core.experiment.file import Experiment, load_experiment
 
 
 def declare_experiment(node: Node) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 from mabirds_msgs.msg import Parameters as ParametersMessage
 from rclpy.serialization import deserialize_message, serialize_message
 
-from mabirds_core.parameters import Parameters
+from mabirds_core.algorithm.parameters import Parameters
 from mabirds_msgs_py import environment
 from mabirds_msgs_py.conversion import parameters_message, read_parameters
 

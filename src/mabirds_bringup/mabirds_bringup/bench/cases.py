@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from mabirds_core.experiment import Experiment
+from mabirds_core.experiment.file import Experiment
 
 MABIRDS = "MA-BIRDS"
 """The label of the network of learners."""

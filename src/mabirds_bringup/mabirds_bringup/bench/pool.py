@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from mabirds_bringup.bench.cases import Case
 from mabirds_bringup.console import progress_bar
-from mabirds_bringup.processes import ONE_THREAD
+from mabirds_bringup.run.processes import ONE_THREAD
 
 Outcome = TypeVar("Outcome")
 

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from mabirds_bringup.bench.tables import markdown_table
-from mabirds_bringup.report import html_table, image, write_page
-from mabirds_bringup.run_directory import write_json
+from mabirds_bringup.report.page import html_table, image, write_page
+from mabirds_bringup.run.run_directory import write_json
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance

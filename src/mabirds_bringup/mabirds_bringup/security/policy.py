@@ -12,8 +12,8 @@ from xml.etree import ElementTree as ET
 from rclpy.exceptions import InvalidNamespaceException
 from rclpy.validate_namespace import validate_namespace
 
-from mabirds_core.experiment import Experiment
-from mabirds_core.mixing import ResilientMixing
+from mabirds_core.consensus.settings import ResilientMixing
+from mabirds_core.experiment.file import Experiment
 from mabirds_msgs_py import topics
 from mabirds_msgs_py.security import SecurityError
 

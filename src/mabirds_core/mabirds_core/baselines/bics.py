@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mabirds_core.algorithm.gradient import GradientEstimator, stacked
+from mabirds_core.algorithm.parameters import Parameters, StepSizes
 from mabirds_core.baselines.interface import CentralState, first_state
 from mabirds_core.games.interface import Trajectories
-from mabirds_core.gradient import GradientEstimator, stacked
-from mabirds_core.parameters import Parameters, StepSizes
 
 
 @dataclass(frozen=True)

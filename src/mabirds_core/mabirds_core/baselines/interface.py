@@ -2,10 +2,10 @@
 
 from typing import NamedTuple, Protocol
 
+from mabirds_core.algorithm.gradient import GradientEstimator
+from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.games.interface import Trajectories
-from mabirds_core.gradient import GradientEstimator
-from mabirds_core.parameters import Parameters
-from mabirds_core.policies.interface import Policy
+from mabirds_core.planners.interface import Policy
 
 
 class Work(NamedTuple):

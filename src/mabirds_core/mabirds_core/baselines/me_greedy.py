@@ -15,13 +15,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mabirds_core.algorithm.gradient import stacked
+from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Mask, Vector
 from mabirds_core.baselines.interface import CentralState
 from mabirds_core.games.interface import TabularGame, Trajectories, discounted_visitation
-from mabirds_core.gradient import stacked
-from mabirds_core.parameters import Parameters
-from mabirds_core.policies.interface import TabularPolicy
-from mabirds_core.policies.soft_bellman import SoftBellmanPolicy, maximum_entropy_policy
+from mabirds_core.planners.interface import TabularPolicy
+from mabirds_core.planners.soft_bellman import SoftBellmanPolicy, maximum_entropy_policy
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,46 @@
+"""``mabirds simulate``: the same experiment in one process, the reference for the network."""
+
+import time
+from pathlib import Path
+
+from mabirds_bringup.commands.options import CentralMethodName, ExperimentFile, Json, RunsDirectory
+from mabirds_bringup.console import guarded_output, print_json, progress_bar
+from mabirds_bringup.evaluate.results import write_results
+from mabirds_bringup.run import run_directory
+from mabirds_core.experiment.assembly import build_game
+from mabirds_core.experiment.file import Experiment, load_experiment
+from mabirds_core.experiment.simulate import History, simulate_central
+from mabirds_core.experiment.simulate import simulate as simulate_network
+from mabirds_msgs_py.bag_reader import DemonstrationBag
+
+
+def simulate(
+    file: ExperimentFile,
+    method: CentralMethodName = None,
+    out: RunsDirectory = Path("runs"),
+    as_json: Json = False,
+) -> None:
+    """Run an experiment's learners in one process, without any network; same results to the last bit.
+
+    Example: mabirds simulate ros_ws/config/patrol.yaml
+    """
+    with guarded_output() as stdout:
+        experiment = load_experiment(file)
+        start = time.monotonic()
+        history = simulate_from_bag(experiment, method)
+        directory = run_directory.create(out, experiment.name)
+        run_directory.write_manifest(directory, experiment, file, "in process")
+        content = write_results(experiment, history, directory, time.monotonic() - start)
+        if as_json:
+            print_json(content, stdout)
+
+
+def simulate_from_bag(experiment: Experiment, method: str | None = None) -> History:
+    """The in-process network, or a central method, on the experiment's own bag, with a bar of progress."""
+    with DemonstrationBag(experiment.demonstrations.bag, build_game(experiment), experiment.learners) as bag:
+        demonstrations = {name: list(bag.trajectories(name)) for name in experiment.learners}
+    with progress_bar() as bar:
+        task = bar.add_task("learning", total=experiment.iterations * (1 if method else len(experiment.learners)))
+        if method:
+            return simulate_central(experiment, method, demonstrations, lambda _: bar.advance(task))
+        return simulate_network(experiment, demonstrations, lambda _: bar.advance(task))

@@ -1,0 +1,1 @@
+"""From learned parameters to rates and tables."""

@@ -1,0 +1,60 @@
+"""After the learning: evaluate, and fill the run directory."""
+
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from mabirds_bringup.console import console, progress_bar, summary_table
+from mabirds_bringup.evaluate.evaluation import evaluate, judged, summary
+from mabirds_bringup.report.page import write_report
+from mabirds_bringup.run import run_directory
+from mabirds_core.consensus.schedule import Delivered, EdgeSchedule, delivered_edges, differences, validate
+from mabirds_core.errors import ScheduleError
+from mabirds_core.experiment.file import Experiment
+from mabirds_core.experiment.simulate import History
+
+
+def audit(schedule: EdgeSchedule, delivered: Delivered, iterations: int) -> dict[str, Any]:
+    """The delivered graph against the schedule, and its own smallest B.
+
+    B is None where the graph connects not all learners, or where not all of ``iterations`` were heard of. In resilient
+    mode differences are what was late or lost, and no mistake.
+    """
+    window = None
+    if len(delivered) == iterations:
+        slots = tuple(delivered_edges(schedule, delivered[n]) for n in range(1, iterations + 1))
+        with suppress(ScheduleError):
+            window = validate(EdgeSchedule(schedule.learners, slots, end="stop")).window
+    return {"iterations": len(delivered), "differences": differences(schedule, delivered), "window": window}
+
+
+def write_results(
+    experiment: Experiment,
+    history: History,
+    directory: Path,
+    seconds: float,
+    delivered: dict[str, Any] | None = None,
+) -> dict[str, Any]:
+    """Evaluate ``history``, write metrics.csv, figures, report.html and summary.json; show and return the summary.
+
+    ``delivered``: the ``audit`` of a network's run.
+    """
+    from mabirds_bringup.report.figures import (
+        save_figures,  # matplotlib takes a second to load: not before it is needed
+    )
+
+    total = sum(len(judged(experiment, len(parameters))) for parameters in history.values())
+    with progress_bar() as bar:
+        task = bar.add_task("evaluating", total=total)
+        evaluation = evaluate(experiment, history, lambda: bar.advance(task))
+    content = summary(experiment, evaluation, seconds)
+    if delivered is not None:
+        content["delivered_graph"] = delivered
+    run_directory.write_metrics(directory, evaluation)
+    write_report(directory, content, save_figures(experiment, history, evaluation, directory))
+    run_directory.write_json(directory / "summary.json", content)
+    console.print(summary_table(content))
+    for difference in (delivered or {}).get("differences", ()):
+        console.print(f"the delivered graph differs: {difference}", style="red", soft_wrap=True)
+    console.print(f"results in {directory}; open {directory / 'report.html'}")
+    return content

@@ -1,0 +1,1 @@
+"""The network as processes: starting, supervising and ending them."""

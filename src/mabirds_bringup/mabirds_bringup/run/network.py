@@ -1,0 +1,176 @@
+"""Running an experiment as a network of processes: start, watch, stop."""
+
+import secrets
+import signal
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import NamedTuple
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
+
+from mabirds_bringup.run import processes
+from mabirds_bringup.run.supervisor import Supervisor
+from mabirds_bringup.watch.monitor import MonitorNode
+from mabirds_core.consensus.schedule import Delivered
+from mabirds_core.consensus.settings import ResilientMixing
+from mabirds_core.errors import ExperimentError
+from mabirds_core.experiment.file import Experiment
+from mabirds_core.experiment.simulate import History
+from mabirds_msgs_py.bag_writer import BagWriter
+from mabirds_msgs_py.security import enclave_arguments, start_ros
+
+PLAYER = "expert_player"
+"""Name of the player among the processes."""
+
+GRACE = 5.0
+"""Seconds in which those who stay hear what was said before somebody leaves."""
+
+DIFFERENT = ("wrong_experiment", "wrong_schedule")
+"""Reasons for which a monitor refuses what learners of its own experiment's names say."""
+
+TICK = 0.1
+"""Seconds after which the children are looked at, even if no message comes."""
+
+
+def _nothing(monitor: MonitorNode, supervisor: Supervisor, news: Sequence[str]) -> None:
+    """Do nothing at a tick."""
+
+
+class NetworkResult(NamedTuple):
+    """What the monitor received: theta and omega of all iterations, and who mixed whose.
+
+    ``mass_residual``: of resilient mode, see ``MonitorNode.mass_residual``.
+    """
+
+    history: History
+    delivered: Delivered
+    mass_residual: float | None
+
+
+@dataclass(frozen=True)
+class Network:
+    """The processes of one experiment.
+
+    ``player``: parameters of the player, such as rate. ``order``: names in the order in which to start them; the
+    network must not depend on it. ``method``: a central method that learns in the learners' place. ``restarts``: how
+    often a node that died is started again. ``only``: the nodes that belong on this host, where others run the rest
+    of the experiment under the same ``run`` name.
+    """
+
+    experiment: Experiment
+    file: Path
+    directory: Path
+    player: Mapping[str, object]
+    order: Sequence[str] | None = None
+    method: str | None = None
+    restarts: int = 0
+    only: Sequence[str] = ()
+    shared_run: str = ""
+
+    def __post_init__(self) -> None:
+        """Raise ExperimentError for a node that the experiment does not have."""
+        if strangers := sorted(set(self.only) - {*self.names, PLAYER}):
+            raise ExperimentError(f"--only {strangers[0]}: expected some of {[*self.names, PLAYER]}")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Who learns."""
+        return (self.method,) if self.method else self.experiment.learners
+
+    def run(self, on_tick: Callable[[MonitorNode, Supervisor, Sequence[str]], None] = _nothing) -> NetworkResult:
+        """Run until every learner has learned everything.
+
+        ``on_tick`` is given the monitor, the supervisor and news of processes that died. Raises ProcessDiedError when
+        a node ends early and may not be started again, and ExperimentError when another host of the same run has
+        another experiment. All processes are stopped in any case.
+        """
+        arguments = ["--ros-args", *enclave_arguments("/monitor")]
+        start_ros(arguments, signal_handler_options=SignalHandlerOptions.NO)
+        before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # end as on Ctrl-C: nothing left behind
+        supervisor = Supervisor(self._commands(), self.directory / "logs", self.restarts, self._expendable)
+        try:
+            with BagWriter(self.directory / "bag", keep=True) as recording, _spinning() as executor:
+                monitor = MonitorNode(self.experiment, recording, self._run, self.names)
+                executor.add_node(monitor)
+
+                def is_done(name: str, code: int) -> bool:
+                    return name == PLAYER and code == 0 and _hear_out(executor, monitor)
+
+                while not monitor.finished:
+                    executor.spin_once(timeout_sec=TICK)
+                    news = supervisor.look_after(monitor.statuses, is_done)
+                    monitor.declare_without(supervisor.given_up())
+                    on_tick(monitor, supervisor, news)
+                    if self._difference(monitor):
+                        break
+                if self.only:
+                    _spin_for(GRACE, executor)  # other hosts are to hear the last of this one, too
+                if difference := self._difference(monitor):
+                    raise ExperimentError(difference)
+                return NetworkResult(monitor.history(), monitor.delivered(), monitor.mass_residual())
+        finally:
+            supervisor.stop()
+            signal.signal(signal.SIGTERM, before)
+            rclpy.try_shutdown()
+
+    @property
+    def _expendable(self) -> Sequence[str]:
+        """Who may die for good: learners in resilient mode."""
+        return self.names if isinstance(self.experiment.mixing, ResilientMixing) and not self.method else ()
+
+    @cached_property
+    def _run(self) -> str:
+        """A name that no other run has, or that of all hosts of this one."""
+        return self.shared_run if self.only else f"{self.directory.name}-{secrets.token_hex(4)}"
+
+    def _difference(self, monitor: MonitorNode) -> str | None:
+        """How another host's experiment differs from this one; of other runs in this domain it may."""
+        for reason in DIFFERENT if self.only else ():
+            if words := monitor.refusals.get(reason):
+                return f"{words}; start all hosts with the same experiment file and the same --run"
+        return None
+
+    def _commands(self) -> dict[str, list[str]]:
+        """Command lines by name, in the order in which to start them."""
+        commands = {name: self._learning_command(name) for name in self.names}
+        player = {**self.player, "run": self._run, "central": self.method or ""}
+        commands[PLAYER] = processes.player_command(self.file, player)
+        return {name: commands[name] for name in self.only or self.order or commands}
+
+    def _learning_command(self, name: str) -> list[str]:
+        if self.method:
+            return processes.central_command(name, self.file, run=self._run)
+        checkpoints = str(self.directory / "checkpoints" / name)
+        return processes.learner_command(name, self.file, run=self._run, checkpoints=checkpoints)
+
+
+@contextmanager
+def _spinning() -> Iterator[SingleThreadedExecutor]:
+    """An executor whose nodes are destroyed with it, and so leave the network at once."""
+    executor = SingleThreadedExecutor()
+    try:
+        yield executor
+    finally:
+        for node in executor.get_nodes():
+            node.destroy_node()
+        executor.shutdown()
+
+
+def _spin_for(seconds: float, executor: SingleThreadedExecutor) -> None:
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        executor.spin_once(timeout_sec=TICK)
+
+
+def _hear_out(executor: SingleThreadedExecutor, monitor: MonitorNode) -> bool:
+    """Has every learner learned everything? Waits a moment for messages that are still on their way."""
+    deadline = time.monotonic() + GRACE
+    while not monitor.all_learned and time.monotonic() < deadline:
+        executor.spin_once(timeout_sec=TICK)
+    return monitor.all_learned

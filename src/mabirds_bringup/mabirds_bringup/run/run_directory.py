@@ -1,0 +1,105 @@
+"""The run directory: everything needed to understand a run later, in one place."""
+
+import csv
+import json
+import os
+import platform
+import shlex
+import subprocess
+import sys
+from contextlib import suppress
+from dataclasses import asdict, fields
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from itertools import chain, count
+from pathlib import Path
+from typing import Any
+
+from mabirds_bringup.evaluate.evaluation import Evaluation, Row
+from mabirds_core.experiment.assembly import build_game
+from mabirds_core.experiment.file import Experiment
+
+PACKAGES = ("mabirds-core", "mabirds-msgs", "numpy", "ros-rclpy", "ros-fastrtps", "mcap")
+
+
+def create(root: Path, name: str) -> Path:
+    """``root/<time>-<name>`` with a place for logs; ``root/latest`` points to it."""
+    root.mkdir(parents=True, exist_ok=True)
+    stem = f"{datetime.now(UTC):%Y%m%dT%H%M%S}-{name}"
+    for directory in (root / name for name in chain([stem], (f"{stem}-{n}" for n in count(2)))):
+        with suppress(FileExistsError):
+            directory.mkdir()
+            break
+    (directory / "logs").mkdir()
+    _point(root / "latest", directory.name)
+    return directory
+
+
+def _point(link: Path, target: str) -> None:
+    """Make or move a symbolic link in one step."""
+    temporary = link.with_name(f".latest-{os.getpid()}")
+    temporary.unlink(missing_ok=True)
+    temporary.symlink_to(target)
+    temporary.replace(link)
+
+
+def write_manifest(directory: Path, experiment: Experiment, file: Path, mode: str) -> None:
+    """manifest.json: what ran, with which versions, seeds and digests."""
+    write_json(
+        directory / "manifest.json",
+        {
+            "experiment": experiment.name,
+            "mode": mode,
+            "file": file.name,
+            "settings": experiment.model_dump(mode="json", exclude={"demonstrations": {"bag"}}),
+            "bag": experiment.demonstrations.bag.name,
+            "digests": {
+                "game": build_game(experiment).digest,
+                "experiment": experiment.digest,
+                "schedule": experiment.edge_schedule.digest,
+            },
+            "seeds": {"learners": experiment.seed, "demonstrations": experiment.demonstrations.seed},
+            "commit": _commit(file.resolve().parent),
+            "versions": {"python": platform.python_version(), **{name: _version(name) for name in PACKAGES}},
+            "machine": {"system": platform.platform(), "cores": os.cpu_count()},
+            "command": shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]),
+            "started": datetime.now(UTC).isoformat(timespec="seconds"),
+        },
+    )
+
+
+def _commit(directory: Path) -> str | None:
+    """The commit of the experiment file's repository, or None outside of one."""
+    command = ["git", "-C", str(directory), "describe", "--always", "--dirty", "--abbrev=40"]
+    try:
+        result = subprocess.run(command, capture_output=True, text=True, check=False)
+    except FileNotFoundError:
+        return None
+    return result.stdout.strip() or None
+
+
+def _version(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
+def write_metrics(directory: Path, evaluation: Evaluation) -> None:
+    """metrics.csv: one row a learner and iteration, with the consensus distances of that iteration."""
+    columns = [field.name for field in fields(Row)]
+    with (directory / "metrics.csv").open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.DictWriter(stream, [*columns, "consensus_theta", "consensus_omega"])
+        writer.writeheader()
+        for row in evaluation.rows:
+            distances = {
+                f"consensus_{name}": values[row.iteration - 1]
+                for name, values in (("theta", evaluation.consensus_theta), ("omega", evaluation.consensus_omega))
+                if row.iteration <= len(values)
+            }
+            writer.writerow({**asdict(row), **distances})
+
+
+def write_json(file: Path, content: Any) -> None:
+    """Write JSON for people and programs."""
+    file.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")

@@ -1,0 +1,1 @@
+"""What a running network says of itself, checked before it is believed."""

@@ -1,0 +1,75 @@
+"""What a monitor believes: messages that the learners of its experiment can have sent, in this run."""
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+
+from mabirds_msgs.msg import EdgeSchedule, LearnerStatus
+from mabirds_msgs.msg import Parameters as ParametersMessage
+
+from mabirds_core.algorithm.parameters import Parameters
+from mabirds_core.experiment.assembly import build_learner, build_method
+from mabirds_core.experiment.file import Experiment
+from mabirds_core.texts import shortened
+from mabirds_learner.diagnostics import HARMLESS
+from mabirds_learner.inbox import accept
+from mabirds_msgs_py.conversion import RefusedMessageError, read_parameters, require_sender, schedule_message
+
+EXPECTED = HARMLESS | {"wrong_experiment", "wrong_schedule"}
+"""Reasons of drops that are no trouble: repetitions, and other runs in the same ROS domain."""
+
+
+class Admission:
+    """Checks messages; ``names``: who learns, the experiment's learners or a central method. ``run``: of this run.
+
+    Every method raises RefusedMessageError for what does not fit.
+    """
+
+    def __init__(self, experiment: Experiment, run: str, names: Sequence[str]) -> None:
+        self._experiment, self.digest = experiment, experiment.run_digest(run)
+        self._schedule = experiment.edge_schedule
+        self._initial = {name: _initial_parameters(experiment, name) for name in names}
+        closing = experiment.closing_rounds if set(names) <= set(experiment.learners) else 0
+        self.last = experiment.iterations + closing + 1  # the iteration after which nothing is left to do
+
+    @cached_property
+    def _schedule_message(self) -> EdgeSchedule:
+        return schedule_message(self._schedule)
+
+    def parameters(self, name: str, message: ParametersMessage, known: Mapping[int, Parameters]) -> Parameters:
+        """theta(n), omega(n) of ``name``; ``known``: those that it has sent before, by iteration."""
+        parameters = read_parameters(message, name, self.digest, self._schedule.digest, self._initial[name])
+        accept(message.iteration, 1, known, self.last, parameters)
+        return parameters
+
+    def status(self, name: str, message: LearnerStatus) -> None:
+        """Is it from ``name``, and can a learner of this experiment say that of itself?"""
+        require_sender(message, name, self.digest, self._schedule.digest)
+        strangers = sorted(set(message.mixed_from) - set(self._experiment.learners))
+        for what, value, possible in (
+            ("iteration", message.iteration, 1 <= message.iteration <= self.last),
+            (
+                "last_demonstration",
+                message.last_demonstration,
+                message.last_demonstration <= self._experiment.iterations,
+            ),
+            ("mixed_from", shortened(str(strangers)), not strangers),
+        ):
+            if not possible:
+                raise RefusedMessageError(
+                    "impossible_status", f"{what} {value}: no learner of this experiment says that"
+                )
+
+    def schedule(self, message: EdgeSchedule) -> None:
+        """Is it the schedule of the experiment?"""
+        if message != self._schedule_message:
+            digest = shortened(message.digest)
+            raise RefusedMessageError(
+                "wrong_schedule", f"schedule of digest {digest!r}, expected that of {self._schedule.digest!r}"
+            )
+
+
+def _initial_parameters(experiment: Experiment, name: str) -> Parameters:
+    """What the learner or central method ``name`` begins with."""
+    if name in experiment.learners:
+        return build_learner(experiment, name).initial_state().parameters
+    return build_method(experiment, name).initial_state().parameters

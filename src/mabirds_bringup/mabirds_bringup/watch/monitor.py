@@ -1,0 +1,212 @@
+"""A node that watches learners: their statuses and parameters, never their demonstrations."""
+
+from collections import Counter
+from collections.abc import Collection, Sequence
+from functools import partial
+from itertools import count, takewhile
+from typing import Any
+
+from mabirds_msgs.msg import EdgeSchedule, LearnerStatus, Membership
+from mabirds_msgs.msg import Parameters as ParametersMessage
+from mabirds_msgs.srv import FetchParameters
+from rclpy.client import Client
+from rclpy.node import Node
+
+from mabirds_bringup.watch.admission import EXPECTED, Admission
+from mabirds_core.algorithm.parameters import Parameters
+from mabirds_core.consensus.schedule import Delivered
+from mabirds_core.consensus.settings import ResilientMixing
+from mabirds_core.experiment.file import Experiment
+from mabirds_core.experiment.simulate import History
+from mabirds_core.metrics.metrics import consensus_distance
+from mabirds_msgs_py import topics
+from mabirds_msgs_py.bag_writer import BagWriter
+from mabirds_msgs_py.conversion import RefusedMessageError, nanoseconds
+from mabirds_msgs_py.mass_conversion import membership_message
+from mabirds_msgs_py.presence import Presence
+from mabirds_msgs_py.qos import STATUS_QOS, announced, latched
+
+DEPTH = 10_000
+"""The monitor must not lose what learners publish while it draws; writers keep less, so this costs nothing."""
+
+
+GAP_PERIOD, GAPS_AT_ONCE = 0.5, 32
+"""Seconds between two looks at what was missed, and how much of it is asked for in one."""
+
+
+class MonitorNode(Node):
+    """Collects theta(n), omega(n) and the newest status of every learner of an experiment, and records all to a bag.
+
+    ``names``: who learns, where it is not the experiment's learners. ``parameters[name][n]``, ``statuses[name]``;
+    ``presence``: whose process is gone. ``lost``: by name, iterations that were missed and that nobody keeps any more.
+    Messages of other runs, and what no learner of the experiment can say, are neither shown nor recorded; ``drops``
+    counts them by reason, and ``refusals`` says why, of the newest for each reason.
+    """
+
+    def __init__(
+        self,
+        experiment: Experiment,
+        recording: BagWriter,
+        run: str = "",
+        names: Sequence[str] | None = None,
+        **node_options: Any,
+    ) -> None:
+        super().__init__("monitor", **node_options)
+        self._experiment, self._recording = experiment, recording
+        self.names = tuple(names or experiment.learners)
+        self._admission = Admission(experiment, run, self.names)
+        self.drops: Counter[str] = Counter()
+        self.refusals: dict[str, str] = {}
+        self.parameters: dict[str, dict[int, Parameters]] = {name: {} for name in self.names}
+        self.statuses: dict[str, LearnerStatus] = {}
+        self._mixed: dict[str, dict[int, list[str]]] = {name: {} for name in self.names}
+        self.presence = Presence()
+        self.lost: dict[str, set[int]] = {name: set() for name in self.names}
+        self._fetch: dict[str, Client] = {}
+        self._declared: set[str] = set()
+        if isinstance(experiment.mixing, ResilientMixing):
+            self._membership_publisher = self.create_publisher(Membership, topics.MEMBERSHIP, latched(1))
+        for name in self.names:
+            self._watch(name)
+        self.create_timer(GAP_PERIOD, self._ask_for_gaps)
+
+    def _watch(self, name: str) -> None:
+        for message_type, topic, qos, receive, events in (
+            (ParametersMessage, topics.PARAMETERS, announced(DEPTH), self._on_parameters, self.presence.watch(name)),
+            (LearnerStatus, topics.STATUS, latched(DEPTH), self._on_status, None),
+            (EdgeSchedule, topics.EDGE_SCHEDULE, STATUS_QOS, self._on_schedule, None),
+        ):
+            self.create_subscription(
+                message_type, f"{name}/{topic}", partial(receive, name), qos, event_callbacks=events
+            )
+        self._fetch[name] = self.create_client(FetchParameters, f"{name}/{topics.FETCH_PARAMETERS}")
+
+    def declare_without(self, departed: Collection[str]) -> None:
+        """Declare, once, that the network goes on without those."""
+        if set(departed) <= self._declared:
+            return
+        self._declared.update(departed)
+        members = [name for name in self._taking_part() if name not in self._declared]
+        message = membership_message(self._admission.digest, self._epoch() + 1, members)
+        message.stamp = self.get_clock().now().to_msg()
+        self._membership_publisher.publish(message)
+
+    def _epoch(self) -> int:
+        return max((status.epoch for status in self.statuses.values()), default=0)
+
+    def _taking_part(self) -> list[str]:
+        """Who follows the newest declaration; all, where there was none."""
+        epoch = self._epoch()
+        return [name for name in self.names if epoch <= 1 or self._follows(name, epoch)]
+
+    def _follows(self, name: str, epoch: int) -> bool:
+        return name not in self._declared and name in self.statuses and self.statuses[name].epoch == epoch
+
+    def _missing(self, name: str) -> list[int]:
+        """Iterations before the newest that were not heard of and may still be had."""
+        known = self.parameters[name]
+        return [n for n in range(1, max(known, default=0)) if n not in known and n not in self.lost[name]]
+
+    def _ask_for_gaps(self) -> None:
+        """Ask learners for what they published before this node found them, or just before they died."""
+        for name, client in self._fetch.items():
+            for iteration in self._missing(name)[:GAPS_AT_ONCE] if client.service_is_ready() else ():
+                future = client.call_async(FetchParameters.Request(iteration=iteration))
+                future.add_done_callback(partial(self._on_fetched, name, iteration))
+
+    def _on_fetched(self, name: str, iteration: int, future: Any) -> None:
+        response = future.result()
+        if response is None:
+            return
+        if response.found:
+            self._on_parameters(name, response.parameters)
+        else:
+            self.lost[name].add(iteration)
+
+    def _on_parameters(self, name: str, message: ParametersMessage) -> None:
+        try:
+            parameters = self._admission.parameters(name, message, self.parameters[name])
+        except RefusedMessageError as error:
+            self._drop(f"{topics.PARAMETERS} of {name}", error)
+            return
+        self.parameters[name][message.iteration] = parameters
+        self._record(name, topics.PARAMETERS, message, nanoseconds(message.stamp))
+
+    def _on_status(self, name: str, message: LearnerStatus) -> None:
+        try:
+            self._admission.status(name, message)
+        except RefusedMessageError as error:
+            self._drop(f"{topics.STATUS} of {name}", error)
+            return
+        self.statuses[name] = message
+        if message.iteration > 1:
+            self._mixed[name][message.iteration - 1] = list(message.mixed_from)
+        self._record(name, topics.STATUS, message, nanoseconds(message.stamp))
+
+    def _on_schedule(self, name: str, message: EdgeSchedule) -> None:
+        try:
+            self._admission.schedule(message)
+        except RefusedMessageError as error:
+            self._drop(f"{topics.EDGE_SCHEDULE} of {name}", error)
+            return
+        self._record(name, topics.EDGE_SCHEDULE, message, self.get_clock().now().nanoseconds)
+
+    def _drop(self, what: str, error: RefusedMessageError) -> None:
+        self.drops[error.reason] += 1
+        self.refusals[error.reason] = f"{what}: {error}"
+        if self.drops[error.reason] == 1 and error.reason not in EXPECTED:
+            self.get_logger().warning(f"dropped {what}: {error}")
+
+    def _record(self, name: str, topic: str, message: Any, time: int) -> None:
+        self._recording.write(f"/{name}/{topic}", message, max(0, time))  # the time may be the sender's: anything
+
+    @property
+    def all_learned(self) -> bool:
+        """Has every learner acknowledged its last demonstration?"""
+        last = self._experiment.iterations
+        return all(
+            name in self.statuses and self.statuses[name].last_demonstration >= last for name in self._taking_part()
+        )
+
+    @property
+    def finished(self) -> bool:
+        """Has every learner made all updates and closing rounds, and has the result of the last one arrived?"""
+        last = self._admission.last
+        names = self._taking_part()
+        return all(last in self.parameters[name] and not self._missing(name) for name in names) and all(
+            name in self.statuses and self.statuses[name].state == LearnerStatus.FINISHED for name in names
+        )
+
+    def consensus(self) -> tuple[int, float, float] | None:
+        """(n, distance in theta, distance in omega) at the newest iteration known of all learners."""
+        common = set.intersection(*(set(known) for known in self.parameters.values()))
+        if not common:
+            return None
+        newest = [known[max(common)] for known in self.parameters.values()]
+        return (
+            max(common),
+            consensus_distance([one.theta for one in newest]),
+            consensus_distance([one.omega for one in newest]),
+        )
+
+    def mass_residual(self) -> float | None:
+        """How far the weight that learners hold, and that is under way between them, is from what they began with.
+
+        Rounding apart 0, whatever was lost. None in strict mode, and where the newest statuses are of several epochs.
+        """
+        metrics = [dict(zip(one.metric_names, one.metric_values, strict=False)) for one in self.statuses.values()]
+        if not all("weight" in one for one in metrics) or len({one.epoch for one in self.statuses.values()}) > 1:
+            return None
+        signs = {"weight": 1, "weight_given": 1, "weight_taken": -1, "weight_brought": -1}
+        return sum(signs.get(name.split(".")[0], 0) * value for one in metrics for name, value in one.items())
+
+    def delivered(self) -> Delivered:
+        """Whose parameters each learner says it mixed, at the iterations of which all learners' statuses were heard."""
+        heard = set.intersection(*(set(known) for known in self._mixed.values()))
+        return {n: [self._mixed[name][n] for name in self.names] for n in sorted(heard)}
+
+    def history(self) -> History:
+        """theta(n), omega(n) from n = 1 up to the newest without a gap."""
+        return {
+            name: [known[n] for n in takewhile(known.__contains__, count(1))] for name, known in self.parameters.items()
+        }

@@ -1,0 +1,1 @@
+"""Algorithm 1: parameters, gradients of G, and a learner's online iteration."""

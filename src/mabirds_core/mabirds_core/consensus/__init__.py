@@ -1,0 +1,1 @@
+"""How learners agree: edge schedules, mixing weights, and what is mixed with what."""

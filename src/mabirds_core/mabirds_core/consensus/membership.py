@@ -1,0 +1,28 @@
+"""Who takes part: the experiment's learners, until a declaration names fewer of them or names some again."""
+
+from collections.abc import Iterable
+
+from mabirds_core.consensus.schedule import EdgeSchedule, validate
+from mabirds_core.errors import ScheduleError
+from mabirds_core.texts import shortened
+
+
+def among(schedule: EdgeSchedule, members: Iterable[str]) -> EdgeSchedule:
+    """The schedule with the edges between ``members`` only, in the order of its learners; weights follow from it.
+
+    Raises ScheduleError for a member that is none of the learners, for no member, and where what remains breaks
+    Assumption 2 or 3.
+    """
+    chosen = set(members)
+    if not chosen or not chosen <= set(schedule.learners):
+        given = shortened(str(sorted(chosen)))
+        raise ScheduleError(f"members {given}: expected some of the learners {list(schedule.learners)}")
+    names = tuple(name for name in schedule.learners if name in chosen)
+    new = {schedule.learners.index(name): number for number, name in enumerate(names)}
+    slots = tuple(
+        frozenset((new[sender], new[receiver]) for sender, receiver in slot if {sender, receiver} <= new.keys())
+        for slot in schedule.slots
+    )
+    remaining = EdgeSchedule(names, slots, schedule.end)
+    validate(remaining)
+    return remaining

@@ -1,0 +1,1 @@
+"""Experiment files, what is built from them, and the in-process network."""

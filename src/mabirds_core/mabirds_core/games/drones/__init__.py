@@ -1,0 +1,1 @@
+"""The drone game (paper, section 5.2)."""

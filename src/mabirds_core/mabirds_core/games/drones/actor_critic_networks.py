@@ -1,0 +1,204 @@
+"""The networks of a soft actor-critic for the drone game: rows of weights, functions of them, and Adam.
+
+Nothing here is changed in place: a step of Adam gives new weights. Networks of equal shape, such as twin critics,
+are computed together, one row of weights each.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import NamedTuple, Self
+
+import numpy as np
+import torch
+from numpy.typing import ArrayLike
+from torch import Tensor
+
+from mabirds_core.games.drones.dynamics import DroneDynamics
+from mabirds_core.games.drones.game import DroneGame
+
+LOG_DEVIATIONS = (-4.0, 1.0)
+"""Bounds of the logarithm of the deviation of an action before it is squashed."""
+
+LAST_LAYER = 0.01
+"""How small the last layer begins beside others, so that all actions are alike at first and worth nothing."""
+
+DECAYS, EPSILON = (0.9, 0.999), 1e-8
+"""Adam's."""
+
+WAVES = 4
+"""Waves of time that networks see; values bend where doors come into reach and where time runs out."""
+
+CLOCK = 2 * WAVES + 1
+"""Numbers in which networks are told the time."""
+
+LEAST_SQUARE = 1e-6
+"""Keeps lengths off 0, where they have no gradient."""
+
+
+class Adam(NamedTuple):
+    """Weights (C, P) of C networks, and what Adam (Kingma and Ba, ICLR 2015) knows of their gradients."""
+
+    weights: Tensor
+    mean: Tensor
+    square: Tensor
+    steps: int
+
+    @classmethod
+    def of(cls, weights: Tensor) -> Self:
+        """Before the first step."""
+        return cls(weights, torch.zeros_like(weights), torch.zeros_like(weights), 0)
+
+    def on(self, device: str) -> "Adam":
+        """The same on ``device``."""
+        return Adam(self.weights.to(device), self.mean.to(device), self.square.to(device), self.steps)
+
+    def descend(self, gradient: Tensor, rate: float) -> "Adam":
+        """After one step."""
+        (first, second), count = DECAYS, self.steps + 1
+        mean, square = self.mean.lerp(gradient, 1 - first), self.square.lerp(gradient**2, 1 - second)
+        step = mean / (1 - first**count) / ((square / (1 - second**count)).sqrt() + EPSILON)
+        return Adam(self.weights - rate * step, mean, square, count)
+
+
+@dataclass(frozen=True)
+class Layers:
+    """A network of fully connected layers with SiLU between them."""
+
+    widths: tuple[int, ...]
+    """Inputs, hidden units, outputs."""
+
+    @property
+    def size(self) -> int:
+        """P: weights and biases."""
+        return sum((n + 1) * m for n, m in pairwise(self.widths))
+
+    def initial(self, copies: int, rng: np.random.Generator) -> Tensor:
+        """Uniform up to 1 / sqrt(inputs), the last layer far smaller, shape (copies, P)."""
+        drawn = [rng.uniform(-1, 1, size=(copies, (n + 1) * m)) / np.sqrt(n) for n, m in pairwise(self.widths)]
+        drawn[-1] *= LAST_LAYER
+        return torch.tensor(np.concatenate(drawn, axis=1), dtype=torch.float32)
+
+    def __call__(self, weights: Tensor, inputs: Tensor) -> Tensor:
+        """C networks with weights (C, P) at M rows of inputs, shape (C, M, outputs)."""
+        copies = len(weights)
+        shapes = list(pairwise(self.widths))
+        parts = iter(torch.split(weights, [size for n, m in shapes for size in (n * m, m)], dim=1))
+        values = inputs.expand(copies, *inputs.shape)
+        for number, (n, m) in enumerate(shapes):
+            active = torch.nn.functional.silu(values) if number else values
+            matrix, bias = next(parts), next(parts)
+            values = torch.baddbmm(bias[:, None], active, matrix.view(copies, n, m))
+        return values
+
+
+def squashed(u: Tensor) -> tuple[Tensor, Tensor]:
+    """(tanh r / r) u of u (..., 2), in the unit disc, and the logarithm of the map's Jacobian determinant (...,).
+
+    With r = |u| the determinant is sech^2 r along u times tanh r / r across it.
+    """
+    r = ((u**2).sum(-1) + LEAST_SQUARE).sqrt()
+    across = r.tanh() / r
+    log_along = 2 * (np.log(2.0) - r - torch.nn.functional.softplus(-2 * r))  # log sech^2 r, also where sech^2 r is 0
+    return across[..., None] * u, log_along + across.log()
+
+
+@dataclass(frozen=True)
+class Networks:
+    """Actor and critics of a game, on ``device``; times t are floats, shape (M,)."""
+
+    game: DroneGame
+    hidden: int
+    device: str = "cpu"
+
+    @cached_property
+    def actor(self) -> Layers:
+        """From s and t to the means of the actions before they are squashed, and to what makes their deviations."""
+        return Layers((self._seen + CLOCK, self.hidden, self.hidden, 2 * self.game.action_size))
+
+    @cached_property
+    def critic(self) -> Layers:
+        """From s, t, a and s' to q."""
+        others = self.game.state_size + CLOCK + self.game.action_size
+        return Layers((others + self._seen, self.hidden, self.hidden, 1))
+
+    @cached_property
+    def dynamics(self) -> DroneDynamics:
+        """In single precision."""
+        return self.game.dynamics.on(self.device, torch.float32)
+
+    @cached_property
+    def horizons(self) -> Tensor:
+        """h_t = 1 + gamma h_{t+1}, shape (T + 2,)."""
+        powers = self.game.discount ** np.arange(self.game.horizon + 1)
+        return self._tensor([*powers.cumsum()[::-1], 0.0])
+
+    def clock(self, times: Tensor) -> Tensor:
+        """Times as networks see them, shape (M, CLOCK)."""
+        angles = np.pi * (times / self.game.horizon)[:, None] * self._waves
+        return torch.cat([angles[:, :1] / np.pi, angles.sin(), angles.cos()], dim=1)
+
+    def plain(self, states: Tensor) -> Tensor:
+        """States with places and velocities from -1 to 1, shape (M, N_E D)."""
+        drones = states.view(len(states), self.game.n_experts, -1)
+        places, velocities = drones[..., :2], drones[..., 2:]
+        return torch.cat([2 * places / self.dynamics.room - 1, velocities / self.dynamics.max_speed], dim=2).flatten(1)
+
+    def seen(self, states: Tensor) -> Tensor:
+        """States as networks see them: also through bumps of each drone's place and of each pair's distance."""
+        places = states.view(len(states), self.game.n_experts, -1)[..., :2]
+        x, y = (torch.exp(-(((places[..., i, None] - self._axes[i]) / self._width) ** 2) / 2) for i in (0, 1))
+        parts = [self.plain(states), (x[..., :, None] * y[..., None, :]).flatten(1)]
+        if self.game.pairs:
+            one, other = np.transpose(self.game.pairs).tolist()
+            distances = (((places[:, one] - places[:, other]) ** 2).sum(-1) + LEAST_SQUARE).sqrt()[..., None]
+            parts += [distances.flatten(1), torch.exp(-((distances / self._distances) ** 2) / 2).flatten(1)]
+        return torch.cat(parts, dim=1)
+
+    @property
+    def _seen(self) -> int:
+        """Numbers in ``seen`` for each state."""
+        bumps, distances = self.game.reward_features.lattice.size, len(self.game.settings.features.distance_widths)
+        return self.game.state_size + self.game.n_experts * bumps + len(self.game.pairs) * (1 + distances)
+
+    @cached_property
+    def _axes(self) -> list[Tensor]:
+        return [self._tensor(axis) for axis in self.game.reward_features.lattice.axes]
+
+    @cached_property
+    def _width(self) -> float:
+        return self.game.reward_features.lattice.width
+
+    @cached_property
+    def _distances(self) -> Tensor:
+        return self._tensor(self.game.settings.features.distance_widths)
+
+    @cached_property
+    def _waves(self) -> Tensor:
+        return self._tensor(range(1, WAVES + 1))
+
+    def _tensor(self, values: ArrayLike) -> Tensor:
+        return torch.tensor(np.array(values), dtype=torch.float32, device=self.device)
+
+    def gaussian(self, actor: Tensor, states: Tensor, times: Tensor) -> tuple[Tensor, Tensor]:
+        """Means and log deviations of the actions before they are squashed, shapes (M, 2 N_E)."""
+        (output,) = self.actor(actor, torch.cat([self.seen(states), self.clock(times)], dim=1))
+        mean, raw = output.chunk(2, dim=1)
+        low, high = LOG_DEVIATIONS
+        return mean, low + (high - low) * raw.sigmoid()
+
+    def draw(self, actor: Tensor, states: Tensor, times: Tensor, noise: Tensor) -> tuple[Tensor, Tensor]:
+        """Actions (M, 2 N_E) that standard normal ``noise`` of that shape makes, and log pi (M,) relative to mu."""
+        mean, log_deviation = self.gaussian(actor, states, times)
+        log_normal = -(noise**2 / 2 + log_deviation + np.log(2 * np.pi) / 2).sum(1)
+        actions, log_determinant = squashed((mean + log_deviation.exp() * noise).view(len(noise), -1, 2))
+        log_uniform = -self.game.n_experts * np.log(np.pi)
+        return self.dynamics.max_action * actions.flatten(1), log_normal - log_determinant.sum(1) - log_uniform
+
+    def q(self, critics: Tensor, states: Tensor, times: Tensor, actions: Tensor) -> Tensor:
+        """q_k(t, s, a, s') of each critic, shape (2, M)."""
+        drones, controls = (values.view(len(values), self.game.n_experts, -1) for values in (states, actions))
+        successors = self.dynamics.step(drones, controls).flatten(1)
+        chosen = actions / self.dynamics.max_action
+        inputs = torch.cat([self.plain(states), self.clock(times), chosen, self.seen(successors)], dim=1)
+        return self.critic(critics, inputs)[..., 0]

@@ -1,0 +1,95 @@
+"""How drones move, for numpy and torch alike: the same lines work on the arrays of either.
+
+    single integrator:  p' = p + dt a                               |a| <= max_speed
+    double integrator:  v' = v + dt a,  p' = p + dt v'              |a| <= max_acceleration, |v'| <= max_speed
+
+Longer actions and velocities are shortened, and walls stop a drone. One that is at its door stays as it is, at rest.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+
+from mabirds_core.games.drones.settings import DroneSettings
+
+
+@dataclass(frozen=True)
+class DroneDynamics:
+    """The dynamics, with its constants as arrays of ``library``."""
+
+    library: Any
+    """numpy or torch."""
+    room: Any
+    """Width and depth, shape (2,) [m]."""
+    doors: Any
+    """Shape (N_E, 2) [m]."""
+    door_radii: Any
+    """Shape (N_E,) [m]."""
+    time_step: float
+    max_speed: float
+    max_acceleration: float | None
+    """None: single integrators."""
+
+    @classmethod
+    def of(cls, settings: DroneSettings) -> Self:
+        """With arrays of numpy."""
+        doors = [task.door for task in settings.drones]
+        double = settings.dynamics == "double_integrator"
+        return cls(
+            np,
+            np.array(settings.room),
+            np.array([door.centre for door in doors]),
+            np.array([door.radius for door in doors]),
+            settings.time_step,
+            settings.max_speed,
+            settings.max_acceleration if double else None,
+        )
+
+    def on(self, device: Any, dtype: Any) -> Self:
+        """The same with tensors of torch."""
+        import torch
+
+        constants = (self.room, self.doors, self.door_radii)
+        room, doors, radii = (torch.as_tensor(values, device=device, dtype=dtype) for values in constants)
+        return replace(self, library=torch, room=room, doors=doors, door_radii=radii)
+
+    @property
+    def drone_size(self) -> int:
+        """D: numbers in the state of one drone."""
+        return 2 if self.max_acceleration is None else 4
+
+    @property
+    def max_action(self) -> float:
+        """The largest length of an action."""
+        return self.max_speed if self.max_acceleration is None else self.max_acceleration
+
+    @property
+    def action_unit(self) -> str:
+        """For people."""
+        return "m/s" if self.max_acceleration is None else "m/s^2"
+
+    def step(self, drones: Any, controls: Any) -> Any:
+        """States (..., N_E, D) after the actions (..., N_E, 2)."""
+        lib, place = self.library, drones[..., :2]
+        limited = self._shortened(controls, self.max_action)
+        single = self.max_acceleration is None
+        velocity = limited if single else self._shortened(drones[..., 2:] + self.time_step * limited, self.max_speed)
+        there = self.arrived(place)[..., None]
+        moved = place + self.time_step * velocity
+        moved = lib.minimum(lib.maximum(moved, lib.zeros_like(self.room)), self.room)
+        after = lib.where(there, place, moved)
+        if single:
+            return after
+        return lib.concatenate((after, lib.where(there, lib.zeros_like(velocity), velocity)), -1)
+
+    def arrived(self, places: Any) -> Any:
+        """Which drones, (..., N_E, 2), are at their doors, shape (..., N_E)."""
+        return ((places - self.doors) ** 2).sum(-1) <= self.door_radii**2
+
+    def _shortened(self, vectors: Any, longest: float) -> Any:
+        """Vectors (..., 2) that are too long, at their largest length."""
+        length = self.library.sqrt((vectors**2).sum(-1))[..., None]
+        return vectors * self.library.where(
+            length > longest, longest / self.library.where(length > longest, length, 1.0), 1.0
+        )

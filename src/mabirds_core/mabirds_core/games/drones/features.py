@@ -1,0 +1,182 @@
+"""Features of the drone game: Gaussian bumps of places and of distances, and effort.
+
+Each is a sum of terms of one drone and of two drones, which the lattice finder needs to know apart:
+
+    r(s, a) = sum_i alone_i(s_i, a_i) + sum_{i<j} together(|p_i - p_j|)
+"""
+
+from collections.abc import Iterator
+from functools import cached_property
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from mabirds_core.arrays import Array, Vector
+from mabirds_core.games.interface import Visitation
+
+if TYPE_CHECKING:
+    from mabirds_core.games.drones.game import DroneGame
+
+
+class DroneReward(Protocol):
+    """A reward of the drone game, or a cost, that a vector of weights or parameters decides."""
+
+    def alone(self, weights: Vector, drone: int, states: Array, actions: Array) -> Array:
+        """Terms of one drone for its states (..., D) and actions (..., 2), shapes that fit; result (...)."""
+        ...
+
+    def together(self, weights: Vector, pair: int, distances: Array) -> Array:
+        """Terms of the drones of ``DroneGame.pairs[pair]`` for their distances [m], shape of ``distances``."""
+        ...
+
+
+def total_reward(game: "DroneGame", reward: DroneReward, weights: Vector, states: Array, actions: Array) -> Vector:
+    """r(s, a) of M joint states (M, N_E D) and actions (M, 2 N_E), shape (M,)."""
+    drones, controls = game.drones(states), game.controls(actions)
+    result = np.zeros(len(states))
+    for i in range(game.n_experts):
+        result += reward.alone(weights, i, drones[:, i], controls[:, i])
+    for pair, distances in enumerate(pair_distances(game, states)):
+        result += reward.together(weights, pair, distances)
+    return result
+
+
+def pair_distances(game: "DroneGame", states: Array) -> Iterator[Array]:
+    """|p_i - p_j| [m] for every pair in turn, shape (M,) each."""
+    places = game.positions(states)
+    for i, j in game.pairs:
+        yield np.sqrt(((places[:, i] - places[:, j]) ** 2).sum(axis=-1))
+
+
+class BumpLattice:
+    """Bumps exp(-|p - c|^2 / 2 width^2) with middles c on a lattice of X times Y points over the room.
+
+    A bump is a product of one along x and one along y, so that no array of all bumps at all places is needed.
+    """
+
+    def __init__(self, room: tuple[float, float], counts: tuple[int, int], width: float) -> None:
+        self.axes = [np.linspace(0, side, count) for side, count in zip(room, counts, strict=True)]
+        self.width = width
+        self.size = counts[0] * counts[1]
+
+    @cached_property
+    def nodes(self) -> Array:
+        """Middles of the bumps in the order of their weights, shape (X Y, 2) [m]."""
+        return np.stack(np.meshgrid(*self.axes, indexing="ij"), axis=-1).reshape(-1, 2)
+
+    def along(self, places: Array) -> tuple[Array, Array]:
+        """The factors along x and y at M places, shapes (M, X) and (M, Y)."""
+        x, y = (
+            np.exp(-((places[:, axis, None] - nodes) ** 2) / (2 * self.width**2))
+            for axis, nodes in enumerate(self.axes)
+        )
+        return x, y
+
+    def total(self, places: Array, weights: Vector) -> Vector:
+        """sum_k weights[k] of every bump at places[k], shape (X Y,)."""
+        x, y = self.along(places)
+        return np.asarray((x.T * weights) @ y).ravel()
+
+    def values(self, weights: Vector, places: Array) -> Array:
+        """The weighted sum of the bumps at places (..., 2), shape (...)."""
+        x, y = self.along(places.reshape(-1, 2))
+        values = ((x @ weights.reshape(len(self.axes[0]), -1)) * y).sum(axis=1)
+        return np.asarray(values.reshape(places.shape[:-1]))
+
+
+class DroneCostFeatures:
+    """phi: bumps of each drone's place, then bumps of each pair's distance, then each drone's effort.
+
+    Bumps fade out towards a drone's own door, which rewards are to explain: phi_c(p) = bump_c(p)
+    (1 - exp(-|p - door|^2 / 2 radius^2)). Effort is (|a| / largest action)^2 times ``effort_scale``.
+    """
+
+    def __init__(self, game: "DroneGame") -> None:
+        settings = game.settings.features
+        self._game, self._widths = game, np.array(settings.distance_widths)
+        counts = game.settings.lattice(settings.cost_spacing)
+        self.lattice = BumpLattice(game.settings.room, counts, settings.cost_width)
+        self._effort = settings.effort_scale / game.dynamics.max_action**2
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """One for people a feature."""
+        drones = range(1, self._game.n_experts + 1)
+        return (
+            *(f"drone_{i} near ({x:.2f}, {y:.2f}) m" for i in drones for x, y in self.lattice.nodes),
+            *(f"drones {i + 1} and {j + 1} within {w:g} m" for i, j in self._game.pairs for w in self._widths),
+            *(f"drone_{i} effort" for i in drones),
+        )
+
+    def _parts(self, weights: Vector) -> tuple[Array, Array, Vector]:
+        """Weights of places (N_E, X Y), of distances (pairs, widths) and of effort (N_E,)."""
+        n, pairs = self._game.n_experts, len(self._game.pairs)
+        places, distances, effort = np.split(weights, np.cumsum([n * self.lattice.size, pairs * len(self._widths)]))
+        return places.reshape(n, -1), distances.reshape(pairs, len(self._widths)), effort
+
+    def _fade(self, drone: int, places: Array) -> Vector:
+        door = self._game.settings.drones[drone].door
+        away = ((places - door.centre) ** 2).sum(axis=-1)
+        return np.asarray(1 - np.exp(-away / (2 * door.radius**2)))
+
+    def _bumps(self, distances: Array) -> Array:
+        """scale exp(-d^2 / 2 width^2), shape (*distances.shape, widths)."""
+        scale = self._game.settings.features.distance_scale
+        return np.asarray(scale * np.exp(-(distances[..., None] ** 2) / (2 * self._widths**2)))
+
+    def total(self, visitation: Visitation) -> Vector:
+        """sum_k weights[k] phi(states[k], actions[k]), shape (K,)."""
+        game, (states, actions, weights) = self._game, visitation
+        places, controls = game.positions(states), game.controls(actions)
+        return np.concatenate(
+            [
+                *(
+                    self.lattice.total(places[:, i], weights * self._fade(i, places[:, i]))
+                    for i in range(game.n_experts)
+                ),
+                *(weights @ self._bumps(distances) for distances in pair_distances(game, states)),
+                weights @ (controls**2).sum(axis=-1) * self._effort,
+            ]
+        )
+
+    def alone(self, weights: Vector, drone: int, states: Array, actions: Array) -> Array:
+        """Costs of one drone's place and effort."""
+        by_place, _, effort = self._parts(weights)
+        places = states[..., :2]
+        of_place = self.lattice.values(by_place[drone], places) * self._fade(drone, places)
+        return np.asarray(of_place + effort[drone] * self._effort * (actions**2).sum(axis=-1))
+
+    def together(self, weights: Vector, pair: int, distances: Array) -> Array:
+        """Costs of a pair's distance."""
+        return np.asarray(self._bumps(distances) @ self._parts(weights)[1][pair])
+
+
+class DroneRewardFeatures:
+    """f: bumps of each drone's place, wider than those of the costs and also at the doors."""
+
+    def __init__(self, game: "DroneGame") -> None:
+        settings = game.settings.features
+        self._game = game
+        counts = game.settings.lattice(settings.reward_spacing)
+        self.lattice = BumpLattice(game.settings.room, counts, settings.reward_width)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """One for people a feature."""
+        drones = range(1, self._game.n_experts + 1)
+        return tuple(f"drone_{i} near ({x:.2f}, {y:.2f}) m" for i in drones for x, y in self.lattice.nodes)
+
+    def total(self, visitation: Visitation) -> Vector:
+        """sum_k weights[k] f(states[k], actions[k]), shape (K,)."""
+        places = self._game.positions(visitation.states)
+        return np.concatenate(
+            [self.lattice.total(places[:, i], visitation.weights) for i in range(self._game.n_experts)]
+        )
+
+    def alone(self, weights: Vector, drone: int, states: Array, actions: Array) -> Array:  # noqa: ARG002 - of places
+        """Rewards of one drone's place."""
+        return self.lattice.values(weights.reshape(self._game.n_experts, -1)[drone], states[..., :2])
+
+    def together(self, weights: Vector, pair: int, distances: Array) -> Array:  # noqa: ARG002 - each drone has its own
+        """Nothing."""
+        return np.zeros(distances.shape)

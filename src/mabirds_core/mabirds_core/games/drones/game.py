@@ -1,0 +1,183 @@
+"""The drone game (paper, section 5.2): drones fly to their doors past pillars and each other.
+
+A joint state is the drones' states one after the other: x, y [m], for double integrators also vx, vy [m/s]. A joint
+action is their velocities [m/s] or accelerations [m/s^2], each of at most the largest length. Between two steps a
+drone flies straight on. Walls stop drones; a drone that has reached its door stays there for ever. What may not be:
+touching a pillar, and coming closer to another drone than the least distance, at the steps or between them.
+"""
+
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+
+from mabirds_core.arrays import Array, Mask
+from mabirds_core.digest import digest
+from mabirds_core.errors import ImpossibleTrajectoryError
+from mabirds_core.games.drones.dynamics import DroneDynamics
+from mabirds_core.games.drones.features import DroneCostFeatures, DroneRewardFeatures
+from mabirds_core.games.drones.geometry import swept_distance, swept_separation
+from mabirds_core.games.drones.settings import DroneSettings
+from mabirds_core.games.interface import Trajectories
+
+TOLERANCE = 1e-6
+"""By how much a demonstrated step may miss what the dynamics say, in metres and metres a second."""
+
+
+class DroneGame:
+    """The game of ``settings``: N_E drones of D numbers each, joint states (..., N_E D), joint actions (..., 2 N_E)."""
+
+    def __init__(self, settings: DroneSettings) -> None:
+        self.settings = settings
+        self.n_experts = settings.n_experts
+        self.horizon = settings.horizon
+        self.discount = settings.discount
+        self.dynamics = DroneDynamics.of(settings)
+        self.state_size = self.n_experts * self.dynamics.drone_size
+        self.action_size = 2 * self.n_experts
+        self.room = np.array(settings.room)
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of the settings."""
+        return digest(self.settings.model_dump(mode="json"))
+
+    @property
+    def pairs(self) -> list[tuple[int, int]]:
+        """Every two drones."""
+        return list(combinations(range(self.n_experts), 2))
+
+    def drones(self, states: Array) -> Array:
+        """Joint states (..., N_E D) by drone: (..., N_E, D)."""
+        return states.reshape(*states.shape[:-1], self.n_experts, self.dynamics.drone_size)
+
+    def positions(self, states: Array) -> Array:
+        """Where the drones of joint states (..., N_E D) are: (..., N_E, 2)."""
+        return self.drones(states)[..., :2]
+
+    def controls(self, actions: Array) -> Array:
+        """Joint actions (..., 2 N_E) by drone: (..., N_E, 2)."""
+        return actions.reshape(*actions.shape[:-1], self.n_experts, 2)
+
+    def starts(self, count: int, rng: np.random.Generator) -> Array:
+        """``count`` joint states from P_0, uniform in the starts' squares within the room, at rest; (count, N_E D)."""
+        low, high = (
+            np.clip([np.add(task.start, sign * task.start_spread) for task in self.settings.drones], 0.0, self.room)
+            for sign in (-1, 1)
+        )
+        states = np.zeros((count, self.n_experts, self.dynamics.drone_size))
+        states[..., :2] = rng.uniform(low, high, size=(count, self.n_experts, 2))
+        return states.reshape(count, self.state_size)
+
+    def step(self, states: Array, actions: Array) -> Array:
+        """The joint states that follow, shape of ``states``."""
+        after = self.dynamics.step(self.drones(states), self.controls(actions))
+        return np.asarray(after).reshape(states.shape)
+
+    def arrived(self, states: Array) -> Mask:
+        """Which drones are at their doors, shape (..., N_E)."""
+        return np.asarray(self.dynamics.arrived(self.positions(states)))
+
+    @cached_property
+    def cost_features(self) -> DroneCostFeatures:
+        """phi: bumps of each drone's place, bumps of two drones' distance, each drone's effort."""
+        return DroneCostFeatures(self)
+
+    @cached_property
+    def reward_features(self) -> DroneRewardFeatures:
+        """f: wider bumps of each drone's place."""
+        return DroneRewardFeatures(self)
+
+    @cached_property
+    def true_constraints(self) -> Mask:
+        """Bumps in the middle of which a drone would touch a pillar, and bumps of distances that are too small."""
+        nodes, settings = self.cost_features.lattice.nodes, self.settings
+        inside = np.zeros(len(nodes), dtype=bool)
+        for pillar in settings.pillars:
+            inside |= np.hypot(*(nodes - pillar.centre).T) < pillar.radius + settings.drone_radius
+        close = [width <= settings.least_distance for width in settings.features.distance_widths]
+        return np.array([*np.tile(inside, self.n_experts), *close * len(self.pairs), *[False] * self.n_experts])
+
+    def pillar_clearance(self, states: Array) -> Array:
+        """Metres left between each drone and the nearest pillar on each flight, shape (m, steps - 1, N_E).
+
+        ``states``: (m, steps, N_E D). Negative: it touches; infinite: there is no pillar.
+        """
+        places, settings = self.positions(states), self.settings
+        clearance = np.full(places[:, 1:, :, 0].shape, np.inf)
+        for pillar in settings.pillars:
+            distance = swept_distance(places[:, :-1], places[:, 1:], np.array(pillar.centre))
+            clearance = np.minimum(clearance, distance - pillar.radius - settings.drone_radius)
+        return clearance
+
+    def separation_clearance(self, states: Array) -> Array:
+        """Metres by which the drones are further apart than they must be on each flight, shape (m, steps - 1)."""
+        places = np.moveaxis(self.positions(states), -2, 0)
+        clearance = np.full((*places.shape[1:2], places.shape[2] - 1), np.inf)
+        for i, j in self.pairs:
+            starts, ends = (places[i][:, :-1], places[j][:, :-1]), (places[i][:, 1:], places[j][:, 1:])
+            clearance = np.minimum(clearance, swept_separation(starts, ends) - self.settings.least_distance)
+        return clearance
+
+    def violates(self, trajectories: Trajectories) -> Mask:
+        """Which trajectories break a constraint, shape (m,)."""
+        touching = (self.pillar_clearance(trajectories.states) < 0).any(axis=(1, 2))
+        return np.asarray(touching | (self.separation_clearance(trajectories.states) < 0).any(axis=1))
+
+    def succeeds(self, trajectories: Trajectories) -> Mask:
+        """Which trajectories break no constraint and end with every drone at its door, shape (m,)."""
+        return np.asarray(self.arrived(trajectories.states[:, -1]).all(axis=-1) & ~self.violates(trajectories))
+
+    def encode(self, trajectory: Trajectories) -> tuple[Array, Array]:
+        """States (T + 1, N_E D) and actions (T + 1, 2 N_E), as they are."""
+        return trajectory.states[0].astype(np.float64), trajectory.actions[0].astype(np.float64)
+
+    def decode(self, states: Array, actions: Array) -> Trajectories:
+        """Inverse of ``encode``; raises ImpossibleTrajectoryError naming the first step that cannot be."""
+        steps = self.horizon + 1
+        for name, values, size in (("states", states, self.state_size), ("actions", actions, self.action_size)):
+            if values.shape != (steps, size):
+                raise ImpossibleTrajectoryError(f"{name}: shape {values.shape}, expected {(steps, size)}")
+            if not np.isfinite(values).all():
+                raise ImpossibleTrajectoryError(f"{name}: expected finite numbers")
+        self._check_places(states)
+        self._check_lengths("action", self.controls(actions), self.dynamics.max_action, self.dynamics.action_unit)
+        if self.dynamics.drone_size == 4:
+            self._check_lengths("velocity", self.drones(states)[..., 2:], self.dynamics.max_speed, "m/s")
+        self._check_transitions(states, actions)
+        return Trajectories(states[None].astype(np.float64), actions[None].astype(np.float64))
+
+    def _check_places(self, states: Array) -> None:
+        places = self.positions(states)
+        outside = np.argwhere((places < -TOLERANCE) | (places > self.room + TOLERANCE))
+        if len(outside):
+            step, drone, _ = outside[0]
+            raise ImpossibleTrajectoryError(
+                f"step {step}: drone {drone + 1} is at {_pair(places[step, drone])}, outside the room"
+                f" {self.settings.room} [m]"
+            )
+
+    def _check_lengths(self, what: str, vectors: Array, longest: float, unit: str) -> None:
+        """``vectors``: (T + 1, N_E, 2)."""
+        with np.errstate(over="ignore"):  # past the range of numbers is too long as well
+            too_long = np.argwhere(np.hypot(vectors[..., 0], vectors[..., 1]) > longest + TOLERANCE)
+        if len(too_long):
+            step, drone = too_long[0]
+            raise ImpossibleTrajectoryError(
+                f"step {step}: {what} {_pair(vectors[step, drone])} of drone {drone + 1} is longer than"
+                f" {longest:g} {unit}"
+            )
+
+    def _check_transitions(self, states: Array, actions: Array) -> None:
+        expected, found = self.drones(self.step(states[:-1], actions[:-1])), self.drones(states[1:])
+        wrong = np.argwhere(np.abs(found - expected).max(axis=-1) > TOLERANCE)
+        if len(wrong):
+            step, drone = wrong[0]
+            raise ImpossibleTrajectoryError(
+                f"step {step}: drone {drone + 1} with action {_pair(self.controls(actions)[step, drone])} is then"
+                f" at {_pair(found[step, drone])}; the game allows only {_pair(expected[step, drone])}"
+            )
+
+
+def _pair(values: Array) -> tuple[float, ...]:
+    return tuple(round(float(x), 6) for x in values)

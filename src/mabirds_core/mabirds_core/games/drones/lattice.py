@@ -1,0 +1,289 @@
+"""The constrained soft Bellman policy of one or two drones by soft value iteration on a lattice of places.
+
+At temperature tau, with the base measure mu of actions uniform in the disc of radius max_speed,
+
+    Q_t(s, a) = r_theta(s, a) + omega^T phi(s, a) + gamma V_{t+1}(s')
+    V_t(s)    = tau log E_{a ~ mu} exp(Q_t(s, a) / tau),     V_{T+1} = 0,     pi_t(a|s) ~ mu(a) exp(Q_t(s, a) / tau)
+
+which is the soft Bellman policy of the reward divided by tau. Rewards are sums of terms of one drone and of a pair
+(``drone_features``), and drones move independently of one another. Hence the backup factorises. With Y = exp(gamma
+V_{t+1} / tau) on the lattice nodes of both drones and exp(gamma V / tau) interpolated between them, it is
+
+    exp(V_t / tau) = exp(r_12 / tau) * ( K_1 Y K_2^T ),     K_i[s, s'] = sum_a mu(a) exp(r_i(s, a) / tau) B_i[s, a, s']
+
+where B_i[s, a, .] are the bilinear weights of the place that action a leads to: two sparse products a step instead
+of a sum over all joint actions. mu is taken at 25 moves a drone. In the game itself, the policy chooses among the
+same moves, by V_{t+1} interpolated between the nodes.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from mabirds_core.arrays import Array, Indices, Mask, Vector
+from mabirds_core.games.drones.features import DroneReward
+from mabirds_core.games.drones.game import DroneGame
+from mabirds_core.games.drones.rewards import DroneRewardModel
+from mabirds_core.games.interface import Trajectories
+from mabirds_core.planners.interface import Policy
+
+RINGS = ((0.0, 1), (0.5, 8), (1.0, 16))
+"""Speeds, as shares of the largest, and how many directions each has."""
+
+RING_BOUNDS = (0.0, 0.25, 0.75, 1.0)
+"""The ring of each speed; its share of the disc's area is what its moves weigh together."""
+
+LEAST = 1e-250
+"""Below this, beside the best that two drones could do without each other, sums of exp have lost their precision."""
+
+BLOCK = 5_000_000
+"""Terms that are summed up in logs at once."""
+
+
+def moves(speed: float) -> tuple[Array, Vector]:
+    """The 25 velocities (25, 2) and their shares of mu (25,)."""
+    angles = [2 * np.pi * np.arange(count) / count for _, count in RINGS]
+    velocities = [r * np.column_stack([np.cos(a), np.sin(a)]) for (r, _), a in zip(RINGS, angles, strict=True)]
+    areas = [outer**2 - inner**2 for inner, outer in pairwise(RING_BOUNDS)]
+    shares = [np.full(count, area / count) for (_, count), area in zip(RINGS, areas, strict=True)]
+    return speed * np.concatenate(velocities), np.concatenate(shares)
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Where moves from M places lead, on the lattice: the W nodes around each, and the moves' weights of them."""
+
+    nodes: Indices
+    """Shape (M, N_E, W)."""
+    weights: Array
+    """Bilinear weights, shape (M, N_E, A, W); each move's sum to 1."""
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """Nodes at most ``spacing`` metres apart over the room of a game of single integrators."""
+
+    game: DroneGame
+    spacing: float
+
+    @cached_property
+    def axes(self) -> list[Array]:
+        """x and y of the nodes."""
+        counts = self.game.settings.lattice(self.spacing)
+        return [np.linspace(0, side, count) for side, count in zip(self.game.settings.room, counts, strict=True)]
+
+    @cached_property
+    def nodes(self) -> Array:
+        """Shape (S, 2)."""
+        return np.asarray(np.stack(np.meshgrid(*self.axes, indexing="ij"), axis=-1).reshape(-1, 2))
+
+    @cached_property
+    def moves(self) -> tuple[Array, Vector]:
+        """Velocities and their shares."""
+        return moves(self.game.settings.max_speed)
+
+    @cached_property
+    def everywhere(self) -> Windows:
+        """Where moves from every node lead."""
+        return self.windows(np.repeat(self.nodes[:, None], self.game.n_experts, axis=1))
+
+    @cached_property
+    def pair_distances(self) -> Array:
+        """Metres between every two nodes, shape (S, S)."""
+        x, y = np.moveaxis(self.nodes[:, None] - self.nodes, -1, 0)
+        return np.asarray(np.hypot(x, y))
+
+    def windows(self, places: Array) -> Windows:
+        """For M places of all drones, shape (M, N_E, 2)."""
+        velocities, _ = self.moves
+        here = np.repeat(places[:, None], len(velocities), axis=1)
+        there = self.game.dynamics.step(here, np.broadcast_to(velocities[:, None], here.shape))
+        along = [self._axis_window(axis, places[..., axis], there[..., axis]) for axis in (0, 1)]
+        (first_x, weights_x), (first_y, weights_y) = along
+        nodes = first_x[..., :, None] * len(self.axes[1]) + first_y[..., None, :]
+        weights = weights_x[..., :, None] * weights_y[..., None, :]
+        flat = np.moveaxis(weights.reshape(*weights.shape[:3], -1), 1, 2)
+        return Windows(nodes.reshape(*nodes.shape[:2], -1), np.ascontiguousarray(flat))
+
+    def _axis_window(self, axis: int, here: Array, there: Array) -> tuple[Indices, Array]:
+        """Numbers of the nodes around ``here`` (M, N_E), and hat functions of them at ``there`` (M, A, N_E)."""
+        count, step = len(self.axes[axis]), self.axes[axis][1]
+        width = self.game.settings.window(self.spacing)[axis]
+        first = np.clip(np.floor(here / step).astype(np.int64) - (width // 2 - 1), 0, count - width)
+        numbers = first[..., None] + np.arange(width)
+        return numbers, np.maximum(0.0, 1 - np.abs(there[..., None] / step - numbers[:, None]))
+
+
+@dataclass(frozen=True)
+class LatticePolicy:
+    """The policy, kept as V_t / tau on the nodes of both drones."""
+
+    lattice: Lattice
+    rewards: tuple[tuple[DroneReward, Vector], ...]
+    """What r is the sum of, each with its parameters."""
+    temperature: float
+    values: Array
+    """Shape (T + 2, S, S), or (T + 2, S, 1) for a single drone."""
+
+    def act(self, step: int, states: Array, rng: np.random.Generator) -> Array:
+        """A move of each drone for M joint states (M, N_E D), shape (M, 2 N_E)."""
+        velocities, _ = self.lattice.moves
+        scores = self.log_weights(step, states).reshape(len(states), -1)
+        cumulative = np.exp(scores - scores.max(axis=1, keepdims=True)).cumsum(axis=1)
+        drawn = (cumulative <= rng.random((len(states), 1)) * cumulative[:, -1:]).sum(axis=1)
+        n = self.lattice.game.n_experts
+        chosen = np.stack(np.unravel_index(drawn, (len(velocities),) * n), axis=1)
+        return np.asarray(velocities[chosen].reshape(len(states), -1))
+
+    def log_weights(self, step: int, states: Array) -> Array:
+        """log mu(a) + Q_t(s, a) / tau up to terms that depend on s alone, shape (M, A, A), or (M, A, 1)."""
+        game, ahead = self.lattice.game, self.values[step + 1]
+        windows, drones = self.lattice.windows(game.positions(states)), game.drones(states)
+        alone = [
+            move_rewards(self.lattice, self.rewards, i, drones[:, i], self.temperature) for i in range(game.n_experts)
+        ]
+        first = windows.nodes[:, 0]
+        if game.n_experts == 1:
+            return np.asarray(alone[0][:, :, None] + game.discount * (windows.weights[:, 0] @ ahead[first]))
+        around = ahead[first[:, :, None], windows.nodes[:, 1][:, None, :]]
+        backup = windows.weights[:, 0] @ around @ windows.weights[:, 1].swapaxes(1, 2)
+        return np.asarray(alone[0][:, :, None] + alone[1][:, None, :] + game.discount * backup)
+
+
+def move_rewards(
+    lattice: Lattice, rewards: tuple[tuple[DroneReward, Vector], ...], drone: int, states: Array, temperature: float
+) -> Array:
+    """log mu(a) + r_i(s, a) / tau of one drone's M states (M, 2) and A moves, shape (M, A)."""
+    velocities, shares = lattice.moves
+    terms = (one.alone(weights, drone, states[:, None], velocities) for one, weights in rewards)
+    return np.asarray(np.log(shares) + sum(terms, np.zeros((len(states), 1))) / temperature)
+
+
+@dataclass(frozen=True)
+class LatticeFinder:
+    """Near-exact: the error is that of the lattice alone. For one or two single integrators."""
+
+    game: DroneGame
+    reward_model: DroneRewardModel
+    spacing: float
+    """Largest distance of two neighbouring nodes [m]."""
+    temperature: float
+
+    @cached_property
+    def lattice(self) -> Lattice:
+        """The nodes, and where moves lead from them."""
+        return Lattice(self.game, self.spacing)
+
+    def find(
+        self,
+        theta: Vector,
+        omega: Vector,
+        previous: Policy | None = None,  # noqa: ARG002 - nothing is searched
+        rng: np.random.Generator | None = None,  # noqa: ARG002 - nothing is drawn
+        observed: Trajectories | None = None,  # noqa: ARG002 - nothing is learned from examples
+    ) -> LatticePolicy:
+        """pi(omega, theta)."""
+        rewards = ((self.reward_model, theta), (self.game.cost_features, omega))
+        kernels = [Kernel.of(self.lattice, rewards, i, self.temperature) for i in range(self.game.n_experts)]
+        if len(kernels) == 1:
+            kernels.append(Kernel.trivial())
+            together = np.zeros((1, 1))
+        else:
+            distances = self.lattice.pair_distances
+            together = sum((one.together(w, 0, distances) for one, w in rewards), np.zeros_like(distances))
+        values = np.zeros((self.game.horizon + 2, kernels[0].size, kernels[1].size))
+        for step in range(self.game.horizon, -1, -1):
+            values[step] = backup(kernels[0], kernels[1], self.game.discount * values[step + 1])
+            values[step] += together / self.temperature
+        return LatticePolicy(self.lattice, rewards, self.temperature, values)
+
+    def remember(self, policy: Policy) -> dict[str, Array]:  # noqa: ARG002 - nothing is searched
+        """Nothing."""
+        return {}
+
+    def recall(self, memory: Mapping[str, Array]) -> None:
+        """No policy is needed to start from."""
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """log K_i of one drone: from each of S nodes to the W nodes around it."""
+
+    nodes: Indices
+    """Shape (S, W)."""
+    logs: Array
+    """Shape (S, W); -inf where no move leads."""
+
+    @classmethod
+    def of(
+        cls, lattice: Lattice, rewards: tuple[tuple[DroneReward, Vector], ...], drone: int, temperature: float
+    ) -> "Kernel":
+        """From every node of the lattice."""
+        scores = move_rewards(lattice, rewards, drone, lattice.nodes, temperature)
+        with np.errstate(divide="ignore"):
+            weights = np.log(lattice.everywhere.weights[:, drone])
+        logs = np.logaddexp.reduce(scores[:, :, None] + weights, axis=1)
+        return cls(lattice.everywhere.nodes[:, drone], logs)
+
+    @classmethod
+    def trivial(cls) -> "Kernel":
+        """Of a drone that has nowhere to go, for games of one."""
+        return cls(np.zeros((1, 1), dtype=np.int64), np.zeros((1, 1)))
+
+    @property
+    def size(self) -> int:
+        """S."""
+        return len(self.nodes)
+
+    @cached_property
+    def reached(self) -> Mask:
+        """Where moves lead, shape (S, W)."""
+        return np.isfinite(self.logs)
+
+    @cached_property
+    def row_ends(self) -> Indices:
+        """Of the sparse matrix, shape (S + 1,)."""
+        return np.concatenate([[0], self.reached.sum(axis=1).cumsum()])
+
+    def scaled(self, potential: Vector) -> tuple[csr_array, Vector]:
+        """K diag(exp(potential)) with every row divided by exp of the second result, shape (S,)."""
+        terms = self.logs + potential[self.nodes]
+        largest = terms.max(axis=1)
+        entries = np.exp(terms - largest[:, None])[self.reached]
+        columns = self.nodes[self.reached]
+        return csr_array((entries, columns, self.row_ends), shape=(self.size, self.size)), largest
+
+
+def backup(first: Kernel, second: Kernel, ahead: Array) -> Array:
+    """log ( K_1 exp(ahead) K_2^T ), shape (S, S).
+
+    Values range over thousands of nats, exp over 700. What one drone's place is worth at best is taken out of
+    ``ahead`` first and goes into that drone's kernel, where it is scaled row by row; what is left is what the drones
+    cost each other. Where even that is too much, every pair of nodes around the drones is summed up in logs.
+    """
+    own = ahead.max(axis=1)
+    rest = ahead - own[:, None]
+    other = rest.max(axis=0)
+    (k1, shift1), (k2, shift2) = first.scaled(own), second.scaled(other)
+    half = np.ascontiguousarray((k1 @ np.exp(rest - other)).T)
+    total = (k2 @ half).T
+    values = np.asarray(np.log(np.maximum(total, LEAST)) + shift1[:, None] + shift2)
+    if total.min() < LEAST:
+        hard = np.argwhere(total < LEAST)
+        terms = len(hard) * first.nodes.shape[1] * second.nodes.shape[1]
+        for some in np.array_split(hard, 1 + terms // BLOCK):
+            values[tuple(some.T)] = pair_by_pair(first, second, ahead, some)
+    return values
+
+
+def pair_by_pair(first: Kernel, second: Kernel, ahead: Array, states: Indices) -> Vector:
+    """Some entries (H, 2) of the same without exp of anything but differences to the largest term, shape (H,)."""
+    one, two = states.T
+    terms = ahead[first.nodes[one][:, :, None], second.nodes[two][:, None, :]]
+    terms = terms + first.logs[one][:, :, None] + second.logs[two][:, None, :]
+    most = terms.max(axis=(1, 2))
+    return np.asarray(most + np.log(np.exp(terms - most[:, None, None]).sum(axis=(1, 2))))

@@ -1,0 +1,81 @@
+"""What learned cost weights omega mean: the cost -omega^T phi of places, ways and distances, in units of reward."""
+
+import numpy as np
+
+from mabirds_core.arrays import Array, Vector
+from mabirds_core.games.drones.game import DroneGame
+from mabirds_core.games.interface import Trajectories
+
+POINTS = 2000
+"""Of a disc over which a mean is taken."""
+
+RIM_POINTS = 360
+
+FAR = 1.0
+"""A distance that is no matter [m]."""
+
+
+def place_costs(game: DroneGame, omega: Vector, drone: int, places: Array) -> Array:
+    """Of places (..., 2) of a drone that makes no effort, shape (...)."""
+    states = np.zeros((places[..., 0].size, game.dynamics.drone_size))
+    states[:, :2] = places.reshape(-1, 2)
+    costs = -game.cost_features.alone(omega, drone, states, np.zeros((len(states), 2)))
+    return np.asarray(costs.reshape(places.shape[:-1]))
+
+
+def distance_costs(game: DroneGame, omega: Vector, pair: int, distances: Array) -> Array:
+    """Of the distances [m] of the drones of ``game.pairs[pair]``, shape of ``distances``."""
+    return np.asarray(-game.cost_features.together(omega, pair, distances))
+
+
+def disc(centre: tuple[float, float], radius: float) -> Array:
+    """Places spread evenly over a disc (a sunflower's seeds), shape (POINTS, 2)."""
+    numbers = np.arange(POINTS)
+    angles, radii = np.pi * (1 + np.sqrt(5)) * numbers, radius * np.sqrt((numbers + 0.5) / POINTS)
+    return np.asarray(centre + radii[:, None] * np.column_stack([np.cos(angles), np.sin(angles)]))
+
+
+def rim(centre: tuple[float, float], radius: float) -> Array:
+    """Places on its border, shape (RIM_POINTS, 2)."""
+    angles = 2 * np.pi * np.arange(RIM_POINTS) / RIM_POINTS
+    return np.asarray(centre + radius * np.column_stack([np.cos(angles), np.sin(angles)]))
+
+
+def pillar_costs(game: DroneGame, omega: Vector) -> tuple[Array, Array]:
+    """Mean costs of where a drone's middle would touch each pillar, and of that disc's rim, each (N_E, pillars)."""
+    keep = game.settings.drone_radius
+    shapes = (
+        np.array([shape(pillar.centre, pillar.radius + keep) for pillar in game.settings.pillars]).reshape(-1, n, 2)
+        for shape, n in ((disc, POINTS), (rim, RIM_POINTS))
+    )
+    inside, border = (
+        np.stack([_means_in_room(game, omega, drone, places) for drone in range(game.n_experts)]) for places in shapes
+    )
+    return inside, border
+
+
+def _means_in_room(game: DroneGame, omega: Vector, drone: int, places: Array) -> Array:
+    """Mean cost of each pillar's places (pillars, n, 2) that are in the room; 0 where none is."""
+    reachable = ((places >= 0) & (places <= game.room)).all(axis=-1)
+    costs = np.where(reachable, place_costs(game, omega, drone, places), 0.0)
+    return np.asarray(costs.sum(axis=1) / np.maximum(1, reachable.sum(axis=1)))
+
+
+def flown_costs(game: DroneGame, omega: Vector, flights: Trajectories) -> Vector:
+    """Mean cost of where each drone is as long as it is under way, shape (N_E,)."""
+    places, under_way = game.positions(flights.states), ~game.arrived(flights.states)
+    by_drone = [
+        place_costs(game, omega, drone, places[..., drone, :][under_way[..., drone]]).mean()
+        for drone in range(game.n_experts)
+    ]
+    return np.array(by_drone)
+
+
+def closeness_costs(game: DroneGame, omega: Vector) -> Vector:
+    """By how much the cheapest distance from 0 to the least distance costs more than ``FAR`` does, shape (pairs,)."""
+    close = np.linspace(0.0, game.settings.least_distance, 101)
+    dearer = [
+        distance_costs(game, omega, pair, close).min() - distance_costs(game, omega, pair, np.array(FAR))
+        for pair in range(len(game.pairs))
+    ]
+    return np.array(dearer)

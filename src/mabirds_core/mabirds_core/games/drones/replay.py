@@ -1,0 +1,73 @@
+"""What a soft actor-critic learns from: whole trajectories of the drone game, its own and those of the experts.
+
+Rewards are not kept. Every search labels all transitions anew with its own theta and omega.
+"""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from mabirds_core.arrays import Array, Indices
+from mabirds_core.games.drones.game import DroneGame
+from mabirds_core.games.interface import Trajectories
+
+
+@dataclass(frozen=True)
+class Replay:
+    """Rollouts and demonstrations, the newest last; the oldest make room for new ones."""
+
+    rollouts: Trajectories
+    demonstrations: Trajectories
+
+    @classmethod
+    def empty(cls, game: DroneGame) -> Self:
+        """Without any."""
+        steps = game.horizon + 1
+        nothing = Trajectories(np.empty((0, steps, game.state_size)), np.empty((0, steps, game.action_size)))
+        return cls(nothing, nothing)
+
+    def with_rollouts(self, new: Trajectories, capacity: int) -> "Replay":
+        """With ``new`` ones too, at most ``capacity`` transitions of rollouts, or one trajectory."""
+        return Replay(_newest(_joined(self.rollouts, new), capacity), self.demonstrations)
+
+    def with_demonstrations(self, observed: Trajectories | None, capacity: int) -> "Replay":
+        """With those ``observed`` that are not there yet: a learner's window shows each of them many times."""
+        if observed is None:
+            return self
+        known, fresh = set(_keys(self.demonstrations)), np.zeros(len(observed.states), dtype=bool)
+        for number, key in enumerate(_keys(observed)):
+            fresh[number] = key not in known
+            known.add(key)
+        new = Trajectories(observed.states[fresh], observed.actions[fresh])
+        return Replay(self.rollouts, _newest(_joined(self.demonstrations, new), capacity))
+
+    def draws(self, steps: int, batch: int, share: float, rng: np.random.Generator) -> Indices:
+        """Rows of ``transitions`` to learn from, shape (steps, batch), a ``share`` of them demonstrated."""
+        length = self.rollouts.states.shape[1]
+        rolled, shown = (len(part.states) * length for part in (self.rollouts, self.demonstrations))
+        of_experts = round(share * batch) if shown else 0
+        own = rng.integers(rolled, size=(steps, batch - of_experts))
+        others = rng.integers(rolled, rolled + max(shown, 1), size=(steps, of_experts))
+        return np.concatenate([own, others], axis=1)
+
+    @property
+    def transitions(self) -> tuple[Array, Array]:
+        """States (M, N_E D) and actions (M, 2 N_E), those of rollouts first; row k is of step k mod T + 1."""
+        states, actions = _joined(self.rollouts, self.demonstrations)
+        return states.reshape(-1, states.shape[-1]), actions.reshape(-1, actions.shape[-1])
+
+
+def _joined(first: Trajectories, second: Trajectories) -> Trajectories:
+    states, actions = (np.concatenate(parts) for parts in zip(first, second, strict=True))
+    return Trajectories(states, actions)
+
+
+def _newest(trajectories: Trajectories, capacity: int) -> Trajectories:
+    count = max(1, capacity // trajectories.states.shape[1])
+    return Trajectories(trajectories.states[-count:], trajectories.actions[-count:])
+
+
+def _keys(trajectories: Trajectories) -> list[bytes]:
+    """Equal for equal trajectories; adding 0 makes -0 and 0 alike."""
+    return [(s + 0.0).tobytes() + (a + 0.0).tobytes() for s, a in zip(*trajectories, strict=True)]

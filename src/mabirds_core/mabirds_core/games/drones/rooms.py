@@ -1,0 +1,106 @@
+"""A room with drones on an axis: pillars, doors, starts, flights, and what places are learned to cost."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import FigureBase
+from matplotlib.image import AxesImage
+from matplotlib.patches import Circle, Rectangle
+from matplotlib.patheffects import Normal, Stroke
+
+from mabirds_core.arrays import Array, Vector
+from mabirds_core.games.drones.game import DroneGame
+from mabirds_core.games.drones.learned_costs import distance_costs, place_costs
+
+COLOURS = ("tab:red", "tab:blue", "tab:green", "tab:orange", "tab:purple", "tab:brown")
+"""Of the drones, in turn."""
+
+FIELD = "viridis"
+"""Perceptually uniform: equal differences of cost look equal."""
+
+RESOLUTION = 0.05
+"""Metres between two places whose costs are drawn."""
+
+DISTANCES = np.linspace(0.0, 1.5, 151)
+
+
+def colour_of(drone: int) -> str:
+    """The colour of a drone, its start, door and flights."""
+    return COLOURS[drone % len(COLOURS)]
+
+
+def draw_room(axis: Axes, game: DroneGame, drones: Sequence[int] | None = None, *, filled: bool = True) -> None:
+    """Pillars, around each the line that drones' middles may not cross; starts as squares, doors as circles.
+
+    ``drones``: whose starts and doors are drawn; None: of all. ``filled``: pillars in grey, not as outlines alone.
+    """
+    settings = game.settings
+    for pillar in settings.pillars:
+        axis.add_patch(Circle(pillar.centre, pillar.radius, fc="0.6" if filled else "none", ec="0.1", lw=1.2))
+        keep = pillar.radius + settings.drone_radius
+        axis.add_patch(Circle(pillar.centre, keep, fc="none", ec="0.1", lw=0.7, ls=":"))
+    for drone in range(game.n_experts) if drones is None else drones:
+        task, colour = settings.drones[drone], colour_of(drone)
+        corner, side = np.subtract(task.start, task.start_spread), 2 * task.start_spread
+        axis.add_patch(Rectangle(tuple(corner), side, side, fc="none", ec=colour, lw=1.3))
+        axis.add_patch(Circle(task.door.centre, task.door.radius, fc="none", ec=colour, lw=1.8))
+    width, depth = settings.room
+    axis.set(xlim=(0, width), ylim=(0, depth), aspect="equal", xticks=[], yticks=[])
+
+
+def draw_flights(axis: Axes, places: Array, drones: Sequence[int], *, cased: bool = False) -> None:
+    """Flights (m, T + 1, N_E, 2) of ``drones``, a line each. ``cased``: with a white rim, for a dark ground."""
+    rim = [Stroke(linewidth=1.3, foreground="white", alpha=0.7), Normal()] if cased else None
+    for drone in drones:
+        for flight in places[:, :, drone]:
+            axis.plot(*flight.T, color=colour_of(drone), linewidth=0.7, alpha=0.9, path_effects=rim)
+
+
+def cost_field(game: DroneGame, omega: Vector, drone: int) -> Array:
+    """Learned costs of places ``RESOLUTION`` apart, y by x."""
+    x, y = (np.arange(RESOLUTION / 2, side, RESOLUTION) for side in game.settings.room)
+    return place_costs(game, omega, drone, np.stack(np.meshgrid(x, y), axis=-1))
+
+
+def draw_cost(
+    axis: Axes, game: DroneGame, omega: Vector, drone: int, limits: tuple[float, float] | None = None
+) -> AxesImage:
+    """The learned cost of every place for a drone. ``limits``: of the colours."""
+    low, high = limits or (None, None)
+    width, depth = game.settings.room
+    field, extent = cost_field(game, omega, drone), (0.0, width, 0.0, depth)
+    return axis.imshow(field, cmap=FIELD, origin="lower", extent=extent, vmin=low, vmax=high)
+
+
+class Learned(NamedTuple):
+    """Cost weights omega (K,) and flights of the policy (m, T + 1, N_E, 2) [m]."""
+
+    omega: Vector
+    places: Array
+
+
+def draw_costs(figure: FigureBase, game: DroneGame, learned: dict[str, Learned]) -> None:
+    """A column for each name in ``learned``, a row a drone; one scale for all panels."""
+    axes = figure.subplots(game.n_experts, len(learned), squeeze=False)
+    fields = [cost_field(game, omega, drone) for omega, _ in learned.values() for drone in range(game.n_experts)]
+    limits = float(np.min(fields)), float(np.max(fields))
+    for column, (name, (omega, places)) in zip(axes.T, learned.items(), strict=True):
+        for drone, axis in enumerate(column):
+            image = draw_cost(axis, game, omega, drone, limits)
+            draw_room(axis, game, [drone], filled=False)
+            draw_flights(axis, places, [drone], cased=True)
+            axis.set_title(f"{name}, drone {drone + 1}", fontsize=8)
+    figure.colorbar(image, ax=axes, label="learned cost [reward]", shrink=0.8)
+
+
+def draw_distance_costs(axis: Axes, game: DroneGame, omegas: dict[str, Vector]) -> None:
+    """What drones' distances are learned to cost, a line for each omega and pair; the least distance dashed."""
+    for name, omega in omegas.items():
+        for pair, (first, second) in enumerate(game.pairs):
+            label = name if len(game.pairs) == 1 else f"{name}, drones {first + 1} and {second + 1}"
+            axis.plot(DISTANCES, distance_costs(game, omega, pair, DISTANCES), label=label, linewidth=1.2)
+    axis.axvline(game.settings.least_distance, color="0.1", linestyle="--", linewidth=0.9)
+    axis.set(xlabel="distance of the drones [m]", ylabel="learned cost [reward]")
+    axis.legend(fontsize=7)

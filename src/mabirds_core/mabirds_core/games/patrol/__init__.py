@@ -1,0 +1,1 @@
+"""The evader-patroller game (paper, section 5.1)."""

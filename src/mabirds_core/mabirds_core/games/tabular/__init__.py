@@ -1,0 +1,1 @@
+"""What all games share that are small enough to enumerate."""

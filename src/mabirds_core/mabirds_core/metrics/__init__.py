@@ -1,0 +1,1 @@
+"""How well learners imitate, and what they take for a constraint."""

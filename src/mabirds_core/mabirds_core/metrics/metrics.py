@@ -1,0 +1,112 @@
+"""How well a learner imitates and what it takes for a constraint.
+
+- CVR, constraint violation rate: probability that a trajectory breaks a true constraint at some step.
+- SR, success rate: probability that no true constraint is broken and every expert is at its goal at step T.
+- FPR, FNR of the learned constraints {k : -omega_k > threshold}: the share of harmless cost features learned as
+  constraints, and the share of true constraints not learned.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from mabirds_core.algorithm.parameters import Parameters
+from mabirds_core.arrays import Array, Mask, Vector, weighted_counts
+from mabirds_core.games.drones.game import DroneGame
+from mabirds_core.games.interface import TabularGame, Trajectories
+from mabirds_core.planners.interface import TabularPolicy
+from mabirds_core.planners.occupancy import occupancy_measure
+
+
+class Imitation(NamedTuple):
+    """CVR and SR, each in [0, 1]."""
+
+    violation_rate: float
+    success_rate: float
+
+
+class ConstraintErrors(NamedTuple):
+    """FPR and FNR, each in [0, 1]."""
+
+    false_positive_rate: float
+    false_negative_rate: float
+
+
+def exact_imitation(game: TabularGame, policy: TabularPolicy) -> Imitation:
+    """CVR and SR without sampling: the probability mass that stays clean is followed through time."""
+    everywhere = np.arange(game.n_states)
+    clean = game.initial_distribution
+    for step in range(game.horizon + 1):
+        pairs = clean[:, None] * np.exp(policy.log_probabilities(step, everywhere))
+        pairs[game.violation] = 0.0
+        clean = weighted_counts(game.successor, pairs, game.n_states)
+    # Rounding may carry a probability past 1 by some 1e-15.
+    return Imitation(max(0.0, 1.0 - float(pairs.sum())), min(1.0, float(pairs[game.goal].sum())))
+
+
+def sampled_imitation(game: TabularGame, trajectories: Trajectories) -> Imitation:
+    """CVR and SR as shares of the given trajectories."""
+    violated = game.violation[trajectories.states, trajectories.actions].any(axis=1)
+    arrived = game.goal[trajectories.states[:, -1]]
+    return Imitation(float(violated.mean()), float((arrived & ~violated).mean()))
+
+
+def drone_imitation(game: DroneGame, flights: Trajectories) -> Imitation:
+    """CVR and SR of drones as shares of the given flights, each judged by its whole way, not by its steps alone."""
+    return Imitation(float(game.violates(flights).mean()), float(game.succeeds(flights).mean()))
+
+
+def place_visitation(game: DroneGame, flights: Trajectories, spacing: float = 0.5) -> Array:
+    """Discounted share of its time that each drone spends in each square of the room, shape (N_E, X, Y), sums 1.
+
+    ``spacing``: largest side of a square [m].
+    """
+    places = game.positions(flights.states)
+    counts = np.array(game.settings.lattice(spacing)) - 1
+    squares = np.minimum((places / game.room * counts).astype(np.int64), counts - 1)
+    numbers = squares[..., 0] * counts[1] + squares[..., 1]
+    weights = np.broadcast_to(game.discount ** np.arange(places.shape[1]), places.shape[:2]) / len(places)
+    by_drone = [weighted_counts(numbers[..., i], weights, int(counts.prod())) for i in range(game.n_experts)]
+    return np.asarray(np.stack(by_drone).reshape(-1, *counts) / weights.sum())
+
+
+def flight_distance(visitations: Sequence[Array]) -> float:
+    """Largest total variation distance of two policies' place visitations, mean over the drones, in [0, 1]."""
+    return max(
+        (float(np.abs(a - b).sum() / 2 / len(a)) for i, a in enumerate(visitations) for b in visitations[:i]),
+        default=0.0,
+    )
+
+
+def learned_constraints(omega: Vector, threshold: float) -> Mask:
+    """Where the learned cost -omega exceeds the threshold, shape (K,)."""
+    return -omega > threshold
+
+
+def constraint_errors(omega: Vector, true_constraints: Mask, threshold: float) -> ConstraintErrors:
+    """FPR and FNR; a rate over an empty class is 0."""
+    learned = learned_constraints(omega, threshold)
+    return ConstraintErrors(
+        int((learned & ~true_constraints).sum()) / max(1, int((~true_constraints).sum())),
+        int((~learned & true_constraints).sum()) / max(1, int(true_constraints.sum())),
+    )
+
+
+def consensus_distance(vectors: Sequence[Vector]) -> float:
+    """max_v || x_v - mean x ||_2 over the learners' vectors."""
+    stacked = np.stack(vectors)
+    return float(np.sqrt(((stacked - stacked.mean(axis=0)) ** 2).sum(axis=1)).max())
+
+
+def policy_distance(game: TabularGame, policies: Sequence[TabularPolicy]) -> float:
+    """Largest total variation distance between two policies' occupancy measures, in [0, 1]."""
+    occupancies = [occupancy_measure(game, policy) for policy in policies]
+    return max(
+        (float(np.abs(a - b).sum() / 2) for i, a in enumerate(occupancies) for b in occupancies[:i]), default=0.0
+    )
+
+
+def norms(parameters: Parameters) -> dict[str, float]:
+    """Euclidean norms of theta and omega, by name."""
+    return {f"{name}_norm": float(np.sqrt((values**2).sum())) for name, values in parameters._asdict().items()}

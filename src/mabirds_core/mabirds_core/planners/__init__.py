@@ -1,0 +1,1 @@
+"""From theta and omega to the constrained soft Bellman policy, and following it."""

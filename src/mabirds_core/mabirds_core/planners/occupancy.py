@@ -1,0 +1,98 @@
+"""Following a policy: rollouts, the exact occupancy measure, and the two ways to an expectation."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mabirds_core.arrays import Array, Indices, Vector, weighted_counts
+from mabirds_core.errors import InfeasibleError
+from mabirds_core.games.interface import TabularGame, Trajectories, Visitation, discounted_visitation
+from mabirds_core.planners.interface import TabularPolicy
+
+BLOCKED = "the policy leads to a state in which every action is blocked; loosen the hard constraints or the starts"
+
+
+def start_distribution(game: TabularGame, starts: Indices | None) -> Vector:
+    """P_0, or each of ``starts`` equally likely; shape (S,)."""
+    if starts is None:
+        return game.initial_distribution
+    return weighted_counts(starts, np.full(len(starts), 1 / len(starts)), game.n_states)
+
+
+def rollouts(
+    game: TabularGame, policy: TabularPolicy, count: int, rng: np.random.Generator, starts: Indices | None = None
+) -> Trajectories:
+    """``count`` trajectories from P_0, or from ``starts``, each equally likely.
+
+    Raises InfeasibleError where the policy has no action to take.
+    """
+    states = np.empty((count, game.horizon + 1), dtype=np.int64)
+    actions = np.empty_like(states)
+    current = rng.choice(game.n_states, size=count, p=start_distribution(game, starts))
+    for step in range(game.horizon + 1):
+        states[:, step] = current
+        actions[:, step] = _draw(policy.log_probabilities(step, current), rng)
+        current = game.successor[current, actions[:, step]]
+    return Trajectories(states, actions)
+
+
+def _draw(log_probabilities: Array, rng: np.random.Generator) -> Indices:
+    """One action a row, by inverting the cumulative distribution."""
+    cumulative = np.exp(log_probabilities).cumsum(axis=1)
+    total = cumulative[:, -1:]
+    if not (total > 0).all():
+        raise InfeasibleError(BLOCKED)
+    return np.asarray((cumulative <= rng.random((len(total), 1)) * total).sum(axis=1))
+
+
+def occupancy_measure(game: TabularGame, policy: TabularPolicy, starts: Indices | None = None) -> Array:
+    """rho(s, a) = sum_t gamma^t P(s_t = s, a_t = a) / sum_t gamma^t, shape (S, A), mass 1.
+
+    Starts are drawn from P_0, or from ``starts``, each equally likely.
+    """
+    everywhere = np.arange(game.n_states)
+    present = start_distribution(game, starts)
+    occupancy = np.zeros((game.n_states, game.n_actions))
+    for step in range(game.horizon + 1):
+        pairs = present[:, None] * np.exp(policy.log_probabilities(step, everywhere))
+        occupancy += game.discount**step * pairs
+        present = weighted_counts(game.successor, pairs, game.n_states)
+    return occupancy / discounted_steps(game)
+
+
+def discounted_steps(game: TabularGame) -> float:
+    """sum_{t=0}^T gamma^t: what turns the occupancy measure into expected discounted sums."""
+    return float((game.discount ** np.arange(game.horizon + 1)).sum())
+
+
+@dataclass(frozen=True)
+class SampledExpectation:
+    """Means over ``count`` rollouts: the paper's m trajectories zeta^j."""
+
+    game: TabularGame
+    count: int
+
+    def __call__(self, policy: TabularPolicy, rng: np.random.Generator, starts: Indices | None = None) -> Visitation:
+        """The rollouts' visitation."""
+        return discounted_visitation(rollouts(self.game, policy, self.count, rng, starts), self.game.discount)
+
+
+@dataclass(frozen=True)
+class ExactExpectation:
+    """The limit m -> infinity: the occupancy measure itself."""
+
+    game: TabularGame
+
+    def __call__(
+        self,
+        policy: TabularPolicy,
+        rng: np.random.Generator,  # noqa: ARG002 - nothing is drawn
+        starts: Indices | None = None,
+    ) -> Visitation:
+        """Every pair of positive probability."""
+        occupancy = occupancy_measure(self.game, policy, starts)
+        if not np.isclose(occupancy.sum(), 1.0, rtol=0, atol=1e-9):
+            raise InfeasibleError(BLOCKED)
+        weights = discounted_steps(self.game) * occupancy
+        states, actions = np.nonzero(weights)
+        return Visitation(states, actions, weights[states, actions])

@@ -1,0 +1,100 @@
+"""The constrained soft Bellman policy by exact soft value iteration (paper, section 4).
+
+    Q_t(s, a) = r_theta(s, a) + omega^T phi(s, a) + gamma V_{t+1}(s'),   s' = successor[s, a]
+    V_t(s)    = log sum_a exp Q_t(s, a),                                 V_{T+1} = 0
+    pi_t(a|s) = exp(Q_t(s, a) - V_t(s))
+
+It is the policy of largest discounted causal entropy plus expected reward. A reward of -inf is a hard
+constraint: the action gets probability 0, and a state all of whose actions are blocked has the value -inf.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from mabirds_core.arrays import Array, Indices, Mask, Vector
+from mabirds_core.games.interface import TabularFeatureMap, TabularGame, Trajectories
+from mabirds_core.planners.interface import Policy
+from mabirds_core.rewards.models import TabularRewardModel
+
+
+@dataclass(frozen=True)
+class SoftBellmanPolicy:
+    """The policy, kept as the reward table (S, A) and the values V[t, s], shape (T + 2, S)."""
+
+    game: TabularGame
+    reward: Array
+    values: Array
+    discount: float
+
+    def log_probabilities(self, step: int, states: Indices) -> Array:
+        """log pi_t(a | s) = Q_t(s, a) - V_t(s), shape (M, A); -inf throughout where all actions are blocked."""
+        backup = self.discount * self.values[step + 1][self.game.successor[states]]
+        value = self.values[step][states][:, None]
+        blocked = np.isneginf(value)
+        return np.where(blocked, -np.inf, self.reward[states] + backup - np.where(blocked, 0.0, value))
+
+
+@dataclass(frozen=True)
+class SoftBellmanFinder:
+    """The exact finder, for games that can be enumerated."""
+
+    game: TabularGame
+    reward_model: TabularRewardModel
+    cost_features: TabularFeatureMap
+
+    def find(
+        self,
+        theta: Vector,
+        omega: Vector,
+        previous: Policy | None = None,  # noqa: ARG002 - exact from any start
+        rng: np.random.Generator | None = None,  # noqa: ARG002 - nothing is drawn
+        observed: Trajectories | None = None,  # noqa: ARG002 - nothing is learned from examples
+    ) -> SoftBellmanPolicy:
+        """pi(omega, theta)."""
+        reward = self.reward_model.table(theta) + self.cost_features.table(omega)
+        return soft_bellman_policy(self.game, reward)
+
+    def remember(self, policy: Policy) -> dict[str, Array]:  # noqa: ARG002 - exact from any start
+        """Nothing."""
+        return {}
+
+    def recall(self, memory: Mapping[str, Array]) -> None:
+        """No policy is needed to start from."""
+
+
+def soft_bellman_policy(game: TabularGame, reward: Array) -> SoftBellmanPolicy:
+    """The policy for a reward table (S, A), finite or -inf."""
+    return SoftBellmanPolicy(game, reward, soft_value_iteration(game, reward, game.discount), game.discount)
+
+
+def maximum_entropy_policy(game: TabularGame, forbidden: Mask) -> SoftBellmanPolicy:
+    """What experts do who know the task and that the pairs ``forbidden`` (S, A) may not be.
+
+    Trajectories that are at the goal from the game's deadline on and avoid all forbidden pairs, each with a
+    probability proportional to exp of its undiscounted task reward. A state without such a way has the value -inf.
+    """
+    reward = np.where(forbidden, -np.inf, game.task_reward)
+    return SoftBellmanPolicy(game, reward, soft_value_iteration(game, reward, 1.0, game.deadline), 1.0)
+
+
+def soft_value_iteration(game: TabularGame, reward: Array, discount: float, deadline: int | None = None) -> Array:
+    """V[t, s] for t = 0..T + 1, shape (T + 2, S), backwards in time and in log space.
+
+    ``deadline``: step from which states away from the goal have the value -inf; None: never.
+    """
+    values = np.zeros((game.horizon + 2, game.n_states))
+    for step in range(game.horizon, -1, -1):
+        values[step] = log_sum_exp(reward + discount * values[step + 1][game.successor])
+        if deadline is not None and step >= deadline:
+            values[step, ~game.goal] = -np.inf
+    return values
+
+
+def log_sum_exp(table: Array) -> Vector:
+    """log sum_a exp table[s, a], shape (S,), safe for large numbers; -inf for rows of only -inf."""
+    largest = table.max(axis=1)
+    shift = np.where(np.isneginf(largest), 0.0, largest)
+    with np.errstate(divide="ignore"):  # log 0 = -inf is what a blocked row means
+        return np.asarray(shift + np.log(np.exp(table - shift[:, None]).sum(axis=1)))

@@ -1,0 +1,1 @@
+"""Reward models r_theta."""

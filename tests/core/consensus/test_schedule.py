@@ -1,0 +1,197 @@
+"""Edge schedules: Assumption 2 against networkx by brute force, Assumption 3, neighbours and digests."""
+
+import networkx as nx
+import numpy as np
+import pytest
+from graphs import Graph, digraphs, network, schedules
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from mabirds_core.consensus.generators import alternating_ring, complete_edges, ring_edges, static
+from mabirds_core.consensus.schedule import EdgeSchedule, both_ways, smallest_window, unreachable, validate
+from mabirds_core.consensus.weights import Edge
+from mabirds_core.errors import ScheduleError
+
+NAMES = ("a", "b", "c")
+TALKING = EdgeSchedule(NAMES, (frozenset({(0, 1), (2, 1), (1, 0)}), frozenset(), frozenset({(1, 2), (0, 2)})))
+
+
+def learners(count: int) -> tuple[str, ...]:
+    return tuple(f"learner_{v + 1}" for v in range(count))
+
+
+def every_window_is_connected(schedule: EdgeSchedule, window: int) -> bool:
+    """Is the union of E(n), ..., E(n + window - 1) strongly connected for every n of a few periods?"""
+    unions = (
+        frozenset().union(*(schedule.edges(n + k) for k in range(window)))
+        for n in range(1, 2 * len(schedule.slots) + 1)
+    )
+    return all(nx.is_strongly_connected(network((len(schedule.learners), union))) for union in unions)
+
+
+@given(digraphs())
+def test_unreachable_finds_a_pair_without_a_way_if_and_only_if_there_is_one(graph: Graph) -> None:
+    found, built = unreachable(*graph), network(graph)
+    if found is None:
+        assert nx.is_strongly_connected(built)
+    else:
+        assert not nx.has_path(built, *found)
+
+
+@given(schedules())
+def test_the_smallest_window_is_that_of_brute_force(schedule: EdgeSchedule) -> None:
+    candidates = range(1, 2 * len(schedule.slots) + 1)
+    fitting = [window for window in candidates if every_window_is_connected(schedule, window)]
+    if fitting:
+        assert smallest_window(schedule) == fitting[0]
+    else:
+        with pytest.raises(ScheduleError, match="Assumption 2"):
+            smallest_window(schedule)
+
+
+@given(schedules())
+def test_the_refusal_names_learners_that_never_hear_of_each_other(schedule: EdgeSchedule) -> None:
+    union = network((len(schedule.learners), frozenset(schedule.all_edges)))
+    assume(not nx.is_strongly_connected(union))
+    with pytest.raises(ScheduleError) as caught:
+        smallest_window(schedule)
+    message = str(caught.value)
+    silent = [
+        f"nothing that {schedule.learners[u]} knows ever reaches {schedule.learners[v]}:"
+        for u in union
+        for v in union
+        if not nx.has_path(union, u, v)
+    ]
+    assert any(message.startswith(opening) for opening in silent)
+
+
+def test_windows_wrap_around_the_end_of_the_period() -> None:
+    """Slots AB, AB, nothing, nothing: the window of slots 3, 4 needs a third, slots 3, 4, 1."""
+    edge, nothing = both_ways([(0, 1)]), frozenset[Edge]()
+    assert smallest_window(EdgeSchedule(("a", "b"), (edge, edge, nothing, nothing))) == 3
+    assert smallest_window(EdgeSchedule(("a", "b"), (nothing, edge, edge, nothing))) == 3
+    assert smallest_window(EdgeSchedule(("a", "b"), (edge, nothing, edge, nothing))) == 2
+
+
+def test_a_learner_alone_is_connected() -> None:
+    assert validate(EdgeSchedule(("a",), (frozenset(),))).window == 1
+
+
+@pytest.mark.parametrize("count", range(2, 9))
+def test_an_alternating_ring_satisfies_both_assumptions(count: int) -> None:
+    schedule = alternating_ring(learners(count))
+    report = validate(schedule)
+    assert every_window_is_connected(schedule, report.window)
+    assert not every_window_is_connected(schedule, report.window - 1)
+    assert report.smallest_weight == 1 / 2
+    assert report.largest_sum_error <= 1e-12
+
+
+@pytest.mark.parametrize("count", range(2, 9))
+def test_an_alternating_ring_opens_each_edge_of_the_ring_in_one_slot_and_pairs_learners(count: int) -> None:
+    schedule = alternating_ring(learners(count))
+    opened = [edge for slot in schedule.slots for edge in slot]
+    assert sorted(opened) == sorted(both_ways(ring_edges(count)))
+    for slot in schedule.slots:
+        senders = [sender for sender, _ in slot]
+        assert len(senders) == len(set(senders))
+
+
+def test_two_learners_in_turns_talk_at_every_other_iteration() -> None:
+    schedule = alternating_ring(("a", "b"))
+    assert [bool(schedule.edges(n)) for n in range(1, 5)] == [True, False, True, False]
+
+
+@given(schedules(), st.integers(1, 20))
+def test_iteration_n_uses_slot_n_minus_one_modulo_the_period(schedule: EdgeSchedule, n: int) -> None:
+    assert schedule.edges(1) == schedule.slots[0]
+    assert schedule.edges(n) == schedule.slots[(n - 1) % len(schedule.slots)]
+    assert schedule.edges(n + len(schedule.slots)) == schedule.edges(n)
+
+
+@given(schedules())
+def test_in_neighbours_are_the_senders_of_the_edges_to_a_learner(schedule: EdgeSchedule) -> None:
+    for learner in range(len(schedule.learners)):
+        ever: set[int] = set()
+        for n in range(1, len(schedule.slots) + 1):
+            expected = sorted(network((len(schedule.learners), schedule.edges(n))).predecessors(learner))
+            assert schedule.in_neighbours(learner, n) == expected
+            ever.update(expected)
+        assert schedule.ever_in_neighbours(learner) == sorted(ever)
+
+
+def test_in_neighbours_by_hand() -> None:
+    assert [TALKING.in_neighbours(1, n) for n in (1, 2, 3, 4)] == [[0, 2], [], [], [0, 2]]
+    assert [TALKING.in_neighbours(2, n) for n in (1, 2, 3, 4)] == [[], [], [0, 1], []]
+    assert [TALKING.ever_in_neighbours(v) for v in range(3)] == [[1], [0, 2], [0, 1]]
+
+
+def test_weights_follow_the_slots_of_the_period() -> None:
+    schedule = EdgeSchedule(NAMES, (both_ways([(0, 1)]), frozenset({(0, 1), (1, 2), (2, 0)})))
+    pair = np.array([[0.5, 0.5, 0], [0.5, 0.5, 0], [0, 0, 1]])
+    ring = np.array([[0.5, 0, 0.5], [0.5, 0.5, 0], [0, 0.5, 0.5]])
+    for n, expected in enumerate([pair, ring, pair, ring], start=1):
+        np.testing.assert_array_equal(schedule.weights(n), expected)
+
+
+def test_weights_refuse_an_edge_on_no_cycle_by_the_learners_names() -> None:
+    schedule = EdgeSchedule(("ann", "bob"), (both_ways([(0, 1)]), frozenset({(0, 1)})))
+    with pytest.raises(ScheduleError, match="ann -> bob"):
+        validate(schedule)
+
+
+def test_validate_reports_the_window_and_the_smallest_weight() -> None:
+    schedule = EdgeSchedule(learners(4), (both_ways([(0, 1), (0, 2), (0, 3)]), frozenset()))
+    report = validate(schedule)
+    assert report.window == 2
+    assert report.smallest_weight == pytest.approx(1 / 4)
+
+
+@given(schedules(), schedules())
+def test_digests_differ_if_and_only_if_the_schedules_do(one: EdgeSchedule, other: EdgeSchedule) -> None:
+    assert (one.digest == other.digest) == (one == other)
+
+
+def test_digests_see_direction_order_and_names() -> None:
+    there, back = frozenset({(0, 1)}), frozenset({(1, 0)})
+    variants = [
+        EdgeSchedule(("a", "b"), (there, back)),
+        EdgeSchedule(("a", "b"), (back, there)),
+        EdgeSchedule(("a", "b"), (there | back,)),
+        EdgeSchedule(("b", "a"), (there, back)),
+        EdgeSchedule(("a", "b", "c"), (there, back)),
+    ]
+    assert len({schedule.digest for schedule in variants}) == len(variants)
+    assert EdgeSchedule(("a", "b"), (there, back)).digest == variants[0].digest
+
+
+@pytest.mark.parametrize(
+    ("names", "slots", "message"),
+    [
+        (("a", "a"), [[]], r"learners \['a', 'a'\]: expected at least one, each named once"),
+        ((), [[]], r"learners \[\]: expected at least one"),
+        (("a", "b"), [], "expected at least one slot"),
+        (("a", "b"), [[(0, 1)], [(1, 1)]], "edge b -> b: expected two different learners"),
+        (("a", "b"), [[(0, 2)]], "edge a -> learner number 2: expected two different learners"),
+        (("a", "b"), [[(-1, 1)]], "edge learner number -1 -> b: expected two different learners"),
+    ],
+)
+def test_impossible_schedules_are_refused_by_value(
+    names: tuple[str, ...], slots: list[list[Edge]], message: str
+) -> None:
+    with pytest.raises(ScheduleError, match=message):
+        EdgeSchedule(names, tuple(frozenset(slot) for slot in slots))
+
+
+@pytest.mark.parametrize("count", range(1, 9))
+def test_rings_and_complete_graphs_are_those_of_networkx(count: int) -> None:
+    complete = {frozenset(edge) for edge in nx.complete_graph(count).edges}
+    assert [frozenset(edge) for edge in complete_edges(count)] == sorted(complete, key=sorted)
+    ring = {frozenset(edge) for edge in nx.cycle_graph(count).edges if count > 1}
+    assert sorted(map(sorted, ring_edges(count))) == sorted(map(sorted, ring))
+
+
+def test_a_static_schedule_opens_every_edge_both_ways_at_every_iteration() -> None:
+    schedule = static(NAMES, [(0, 1), (1, 2)])
+    for n in (1, 2, 9):
+        assert schedule.edges(n) == {(0, 1), (1, 0), (1, 2), (2, 1)}

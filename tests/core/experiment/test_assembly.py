@@ -1,0 +1,37 @@
+"""From settings to objects: every setting arrives where it belongs."""
+
+import pytest
+from experiments import experiment
+
+from mabirds_core.algorithm.parameters import StepSizes
+from mabirds_core.errors import ExperimentError
+from mabirds_core.experiment.assembly import build_game, build_learner
+from mabirds_core.planners.occupancy import ExactExpectation, SampledExpectation
+
+
+def test_a_learner_has_the_settings_of_its_experiment() -> None:
+    steps = {"alpha": 5.0, "beta": 6.0, "eta1": 0.7, "eta2": 0.8}
+    settings = experiment({"algorithm.window": 3, "algorithm.steps": steps})
+    learner = build_learner(settings, "cid")
+    assert (learner.index, learner.window, learner.seed) == (2, 3, settings.seed)
+    assert learner.steps == StepSizes(**steps)
+    assert learner.schedule == settings.edge_schedule
+    assert learner.game.digest == build_game(settings).digest
+
+
+def test_the_expectation_is_that_of_the_settings() -> None:
+    sampled = build_learner(experiment({"algorithm.rollouts": 17}), "ann").estimator.expectation
+    exact = build_learner(experiment({"algorithm.expectation": "exact"}), "ann").estimator.expectation
+    assert isinstance(sampled, SampledExpectation)
+    assert sampled.count == 17
+    assert isinstance(exact, ExactExpectation)
+
+
+def test_a_game_that_is_given_is_used() -> None:
+    game = build_game(experiment())
+    assert build_learner(experiment(), "ann", game).game is game
+
+
+def test_a_learner_that_the_experiment_does_not_have_is_refused_by_name() -> None:
+    with pytest.raises(ExperimentError, match="'dan' is none of the learners"):
+        build_learner(experiment(), "dan")

@@ -1,0 +1,89 @@
+"""What the shipped configurations learn in ten iterations, against results that were recorded once.
+
+Written by ``python tests/core/test_recorded_results.py`` when a change of results is meant, and never otherwise.
+"""
+
+import hashlib
+import itertools
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mabirds_core.algorithm.parameters import Parameters
+from mabirds_core.experiment.assembly import build_game
+from mabirds_core.experiment.file import load_experiment
+from mabirds_core.experiment.simulate import History, simulate
+from mabirds_core.metrics.metrics import norms
+from mabirds_expert_player.recorder import expert_streams
+
+CONFIGURATIONS = Path(__file__).parents[3] / "ros_ws" / "config"
+RECORD = Path(__file__).parent / "recorded" / "results.json"
+ITERATIONS = 10
+QUICK = {"drones_sac": 2}
+"""Iterations of those whose ten take a minute."""
+
+
+def learn(name: str, iterations: int) -> History:
+    experiment = load_experiment(CONFIGURATIONS / f"{name}.yaml")
+    streams = expert_streams(experiment, build_game(experiment))
+    shown = {learner: list(itertools.islice(stream, iterations)) for learner, stream in streams.items()}
+    return simulate(experiment.model_copy(update={"iterations": iterations, "closing_rounds": 0}), shown)
+
+
+def fingerprint(parameters: Parameters) -> dict[str, str]:
+    content = b"".join(values.tobytes() for values in parameters)
+    lengths = {name: value.hex() for name, value in norms(parameters).items()}
+    return {"sha256": hashlib.sha256(content).hexdigest(), **lengths}
+
+
+def processor() -> list[str]:
+    """What numpy makes use of: other processors may round the last bit of exp otherwise."""
+    features = np._core._multiarray_umath.__cpu_features__
+    return sorted(name for name, present in features.items() if present)
+
+
+def recorded() -> dict[str, Any]:
+    content: dict[str, Any] = json.loads(RECORD.read_text(encoding="utf-8"))
+    return content
+
+
+def check(name: str, iterations: int) -> None:
+    record = recorded()
+    for learner, history in learn(name, iterations).items():
+        for n, parameters in enumerate(history, start=1):
+            expected, learned = record["results"][name][learner][n - 1], fingerprint(parameters)
+            for length in ("theta_norm", "omega_norm"):
+                near = pytest.approx(float.fromhex(expected[length]), rel=1e-6, abs=1e-12)
+                assert float.fromhex(learned[length]) == near, f"{learner} at iteration {n}"
+            if record["processor"] == processor():
+                assert learned == expected, f"{learner} at iteration {n}"
+
+
+def names() -> list[str]:
+    return sorted(file.stem for file in CONFIGURATIONS.glob("*.yaml"))
+
+
+@pytest.mark.parametrize("name", names())
+def test_every_shipped_configuration_learns_what_it_learned_when_recorded(name: str) -> None:
+    check(name, QUICK.get(name, ITERATIONS))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", QUICK)
+def test_and_the_long_ones_over_all_ten_iterations(name: str) -> None:
+    check(name, ITERATIONS)
+
+
+def main() -> None:
+    results = {
+        name: {learner: [fingerprint(one) for one in history] for learner, history in learn(name, ITERATIONS).items()}
+        for name in names()
+    }
+    RECORD.write_text(json.dumps({"processor": processor(), "results": results}, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

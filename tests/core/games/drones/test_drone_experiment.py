@@ -1,0 +1,182 @@
+"""Experiment files of drones: the shipped one, what a game leaves to choose, lattices, messages."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from experiments import SETTINGS, changed
+from rooms import ROOM, flight_experiment, flight_settings, room
+
+from mabirds_core.errors import ExperimentError
+from mabirds_core.experiment.file import CHOICES, MOST_VALUES, MOVES, load_experiment
+from mabirds_core.experiment.learning_settings import LatticeSettings
+from mabirds_core.games.drones.game import DroneGame
+from mabirds_core.games.drones.lattice import Lattice, moves
+from mabirds_core.games.drones.settings import DroneSettings
+from mabirds_core.games.patrol.game import PatrolSettings
+
+DRONES = Path(__file__).resolve().parents[4] / "ros_ws" / "config" / "drones.yaml"
+
+
+def write(directory: Path, content: dict[str, Any]) -> Path:
+    file = directory / "experiment.yaml"
+    file.write_text(yaml.safe_dump(jsonable(content)), encoding="utf-8")
+    return file
+
+
+def jsonable(content: Any) -> Any:
+    """Tuples as lists, which is what files have."""
+    if isinstance(content, dict):
+        return {name: jsonable(value) for name, value in content.items()}
+    return [jsonable(value) for value in content] if isinstance(content, list | tuple) else content
+
+
+def refusal(file: Path) -> str:
+    with pytest.raises(ExperimentError) as caught:
+        load_experiment(file)
+    return str(caught.value).removeprefix(f"{file}: ")
+
+
+def test_the_shipped_experiment_loads() -> None:
+    loaded = load_experiment(DRONES)
+    assert loaded.name == "drones"
+    assert isinstance(loaded.game, DroneSettings)
+    assert isinstance(loaded.algorithm.policy, LatticeSettings)
+    game = DroneGame(loaded.game)
+    assert (game.n_experts, game.state_size, game.action_size) == (2, 4, 4)
+    assert 0 < game.true_constraints.sum() < len(game.true_constraints) / 4
+    assert loaded.iterations <= loaded.demonstrations.per_learner
+
+
+def test_a_written_experiment_is_read_back(tmp_path: Path) -> None:
+    loaded = load_experiment(write(tmp_path, flight_settings()))
+    expected = flight_experiment({"demonstrations.bag": str(tmp_path.resolve() / "bag")})
+    assert loaded.model_dump() == expected.model_dump()
+    assert loaded.digest == expected.digest
+
+
+def test_files_without_a_kind_mean_patrols(tmp_path: Path) -> None:
+    assert "kind" not in SETTINGS["game"]
+    loaded = load_experiment(write(tmp_path, SETTINGS))
+    assert isinstance(loaded.game, PatrolSettings)
+    assert load_experiment(write(tmp_path, changed({"game.kind": "patrol"}))).digest == loaded.digest
+
+
+CASES = [
+    (flight_settings({"algorithm.policy": {"kind": "soft_q_learning"}}), "algorithm.policy.kind 'soft_q_learning'"),
+    (flight_settings({"algorithm.policy": {"kind": "soft_value_iteration"}}), "algorithm.policy.kind 'soft_value_iter"),
+    (flight_settings({"algorithm.expectation": "exact"}), "algorithm.expectation 'exact'"),
+    (flight_settings({"demonstrations.experts": "optimal"}), "demonstrations.experts 'optimal'"),
+    (flight_settings({"demonstrations.experts": "soft"}), "demonstrations.experts 'soft'"),
+    (changed({"algorithm.policy": {"kind": "lattice"}}), "algorithm.policy.kind 'lattice'"),
+    (changed({"algorithm.policy": {"kind": "soft_actor_critic"}}), "algorithm.policy.kind 'soft_actor_critic'"),
+    (changed({"demonstrations.experts": "pilots"}), "demonstrations.experts 'pilots'"),
+]
+
+
+@pytest.mark.parametrize(("content", "opening"), CASES, ids=[opening for _, opening in CASES])
+def test_what_is_not_made_for_the_game_is_refused_with_what_is(
+    tmp_path: Path, content: dict[str, Any], opening: str
+) -> None:
+    kind = content["game"].get("kind", "patrol")
+    name = opening.split(" ", maxsplit=1)[0]
+    message = refusal(write(tmp_path, content))
+    assert opening in message
+    assert message.endswith(f": the game is {kind}; take one of {list(CHOICES[kind][name])}")
+
+
+@pytest.mark.parametrize("policy", ["soft_value_iteration", "soft_q_learning", "lattice", "soft_actor_critic"])
+def test_every_policy_finder_is_made_for_one_of_the_games(policy: str) -> None:
+    assert sum(policy in choices["algorithm.policy.kind"] for choices in CHOICES.values()) == 1
+
+
+@pytest.mark.parametrize(
+    ("changes", "found"),
+    [
+        ({"game.drones": ROOM["drones"]}, "found 3 drones that are single_integrators"),
+        ({"game.dynamics": "double_integrator"}, "found 2 drones that are double_integrators"),
+    ],
+    ids=["three", "double"],
+)
+def test_lattices_are_for_one_or_two_single_integrators(tmp_path: Path, changes: dict[str, Any], found: str) -> None:
+    message = refusal(write(tmp_path, flight_settings(changes)))
+    assert f"algorithm.policy lattice: made for one or two single integrators, {found}" in message
+    assert message.endswith("take soft_actor_critic")
+    other = {"kind": "soft_actor_critic"}
+    assert load_experiment(write(tmp_path, flight_settings({**changes, "algorithm.policy": other})))
+
+
+@pytest.mark.parametrize(
+    ("drones", "spacing", "horizon", "values"),
+    [
+        (1, 0.01, 6, 161 * 121 * MOVES * 62**2),  # moves of 0.3 m reach 30 nodes each way, and one more
+        (2, 0.02, 6, 2 * 81 * 61 * MOVES * 32**2),
+        (2, 0.1, 10_000, (17 * 13) ** 2 * 10_002),  # values at all steps
+    ],
+)
+def test_lattices_must_fit_into_memory(tmp_path: Path, drones: int, spacing: float, horizon: int, values: int) -> None:
+    changes = {"game.drones": ROOM["drones"][:drones], "game.horizon": horizon}
+    message = refusal(write(tmp_path, flight_settings({**changes, "algorithm.policy.spacing": spacing})))
+    assert f"spacing {spacing:g} m makes {values:.2g} values, expected at most {MOST_VALUES:.2g}; take a la" in message
+    assert load_experiment(write(tmp_path, flight_settings({**changes, "algorithm.policy.spacing": 2 * spacing})))
+
+
+@pytest.mark.parametrize(("drones", "spacing"), [(1, 0.03), (2, 0.1), (2, 0.8)])
+def test_what_is_checked_is_what_is_kept(drones: int, spacing: float) -> None:
+    game = room(drones)
+    lattice = Lattice(game, spacing)
+    assert len(moves(1.0)[0]) == MOVES
+    assert lattice.everywhere.nodes.shape[2] == math.prod(game.settings.window(spacing))
+    assert lattice.everywhere.weights.shape == (
+        len(lattice.nodes),
+        drones,
+        MOVES,
+        math.prod(game.settings.window(spacing)),
+    )
+
+
+@pytest.mark.parametrize("spacing", [0.0, -0.1, 1e-320])
+def test_lattices_have_a_spacing(tmp_path: Path, spacing: float) -> None:
+    message = refusal(write(tmp_path, flight_settings({"algorithm.policy.spacing": spacing})))
+    assert message.startswith("algorithm.policy.lattice.spacing: Input should be greater than or equal to")
+
+
+def test_a_lattice_may_be_as_coarse_as_its_corners(tmp_path: Path) -> None:
+    assert load_experiment(write(tmp_path, flight_settings({"algorithm.policy.spacing": 1000.0})))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"game.kind": "chess"}, "game: Input tag 'chess'"),
+        ({"game.horizon": 0}, "game.horizon: Input should be greater than or equal to 1 (given: 0)"),
+        ({"game.drones.1.door.radius": -1}, "game.drones.1.door.radius: Input should be greater than or equal to"),
+        ({"game.drones.0.start": [0.5, 0.6]}, "game: start of drone 1 touches the pillar at (0.8, 0.6)"),
+        ({"game.features.wings": 2}, "game.features.wings: Extra inputs are not permitted (given: 2)"),
+        ({"game": 7}, "game: Input should be"),
+        ({"game": {"kind": "drones", "room": [1, 1]}}, "game.drones: Field required"),
+        (
+            {"algorithm.rollouts": 1_000_000, "game.horizon": 10_000},
+            "algorithm.rollouts 1000000: expected at most 9999",
+        ),
+    ],
+    ids=lambda value: str(value)[:40] if isinstance(value, dict) else "",
+)
+def test_wrong_settings_are_named_as_in_the_file(tmp_path: Path, changes: dict[str, Any], message: str) -> None:
+    assert message in refusal(write(tmp_path, flight_settings(changes)))
+
+
+def test_the_digest_is_of_the_game_too() -> None:
+    digests = {
+        flight_experiment(changes).digest
+        for changes in (
+            {},
+            {"game.pillars": []},
+            {"algorithm.policy.spacing": 0.3},
+            {"algorithm.policy.temperature": 2.0},
+        )
+    }
+    assert len(digests) == 4
+    assert flight_experiment({"demonstrations.side": "random"}).digest in digests

@@ -1,0 +1,109 @@
+"""What learned weights cost: against the features one by one, and sums worked out by hand."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mabirds_core.games.drones.game import DroneGame
+from mabirds_core.games.drones.learned_costs import (
+    closeness_costs,
+    disc,
+    distance_costs,
+    flown_costs,
+    pillar_costs,
+    place_costs,
+    rim,
+)
+from mabirds_core.games.drones.settings import DroneSettings
+from mabirds_core.games.interface import Trajectories, Visitation
+
+ROOM: dict[str, Any] = {
+    "kind": "drones",
+    "room": (2.0, 1.5),
+    "pillars": [{"centre": (1.0, 0.7), "radius": 0.2}, {"centre": (2.0, 0.7), "radius": 0.2}],
+    "drones": [
+        {"start": (0.3, 0.2), "door": {"centre": (1.6, 1.3), "radius": 0.2}},
+        {"start": (1.4, 0.2), "door": {"centre": (0.2, 1.2), "radius": 0.2}},
+    ],
+    "horizon": 3,
+    "least_distance": 0.3,
+    "features": {"cost_spacing": 0.5, "cost_width": 0.3, "distance_widths": (0.2, 0.5), "distance_scale": 2.0},
+}
+RNG = np.random.default_rng(7)
+
+
+@pytest.fixture
+def game() -> DroneGame:
+    return DroneGame(DroneSettings.model_validate(ROOM))
+
+
+@pytest.fixture
+def omega(game: DroneGame) -> np.ndarray:
+    return np.random.default_rng(1).normal(size=len(game.cost_features.names))
+
+
+def by_features(game: DroneGame, omega: np.ndarray, places: np.ndarray) -> float:
+    """-omega^T phi of one joint state at rest."""
+    return float(-omega @ game.cost_features.total(Visitation(places.reshape(1, 4), np.zeros((1, 4)), np.ones(1))))
+
+
+def test_costs_of_places_and_distances_add_up_to_those_of_the_features(game: DroneGame, omega: np.ndarray) -> None:
+    for places in RNG.uniform(size=(20, 2, 2)) * game.room:
+        alone = sum(float(place_costs(game, omega, drone, places[drone])) for drone in range(2))
+        together = float(distance_costs(game, omega, 0, np.hypot(*(places[0] - places[1]))))
+        assert alone + together == pytest.approx(by_features(game, omega, places))
+
+
+def test_costs_of_places_keep_their_shape(game: DroneGame, omega: np.ndarray) -> None:
+    places = RNG.uniform(size=(3, 4, 2))
+    found = place_costs(game, omega, 1, places)
+    assert found.shape == (3, 4)
+    assert found[2, 1] == pytest.approx(float(place_costs(game, omega, 1, places[2, 1])))
+
+
+def test_a_disc_is_covered_evenly_and_a_rim_is_a_circle() -> None:
+    centre, radius = (1.0, -2.0), 0.6
+    away = disc(centre, radius) - centre
+    np.testing.assert_allclose(away.mean(axis=0), 0, atol=1e-3)
+    np.testing.assert_allclose((away**2).mean(axis=0), radius**2 / 4, rtol=1e-2)  # of a disc
+    np.testing.assert_allclose((away[:, 0] ** 4).mean(), radius**4 / 8, rtol=1e-2)
+    assert np.hypot(*away.T).max() < radius
+    np.testing.assert_allclose(np.hypot(*(rim(centre, radius) - centre).T), radius)
+
+
+def test_costs_of_a_pillar_are_means_over_the_places_that_a_drone_may_not_enter(
+    game: DroneGame, omega: np.ndarray
+) -> None:
+    inside, border = pillar_costs(game, omega)
+    assert inside.shape == border.shape == (2, 2)
+    grid = np.stack(np.meshgrid(*(np.linspace(0, side, 801) for side in game.room)), axis=-1).reshape(-1, 2)
+    keep = 0.2 + game.settings.drone_radius
+    for pillar, circle in enumerate(game.settings.pillars):  # half of the second is outside the room
+        touching = grid[np.hypot(*(grid - circle.centre).T) < keep]
+        angles = np.linspace(0, 2 * np.pi, 4001)
+        around = np.column_stack([1.0 + pillar + keep * np.cos(angles), 0.7 + keep * np.sin(angles)])
+        around = around[around[:, 0] <= 2.0]
+        for drone in range(2):
+            assert inside[drone, pillar] == pytest.approx(place_costs(game, omega, drone, touching).mean(), abs=5e-3)
+            assert border[drone, pillar] == pytest.approx(place_costs(game, omega, drone, around).mean(), abs=5e-3)
+
+
+def test_ways_cost_what_their_places_cost_until_the_door(game: DroneGame, omega: np.ndarray) -> None:
+    ways = np.array(
+        [[[0.3, 0.2], [0.9, 0.2], [1.5, 1.3], [1.6, 1.3]], [[1.4, 0.2], [0.9, 0.4], [0.9, 0.9], [0.2, 1.0]]]
+    )
+    flights = Trajectories(np.concatenate([ways[0], ways[1]], axis=1)[None], np.zeros((1, 4, 4)))
+    first, second = flown_costs(game, omega, flights)
+    assert first == pytest.approx(place_costs(game, omega, 0, ways[0, :2]).mean())  # the rest is within 0.2 m
+    assert second == pytest.approx(place_costs(game, omega, 1, ways[1, :3]).mean())  # as is its last
+
+
+def test_closeness_is_the_least_margin_over_a_large_distance(game: DroneGame) -> None:
+    omega = np.zeros(len(game.cost_features.names))
+    omega[-4:-2] = -1.0, -0.5
+    # Costs fall with the distance, so that the cheapest too small one is the least distance itself.
+    near, far = (2.0 * (np.exp(-(d**2) / (2 * 0.2**2)) + 0.5 * np.exp(-(d**2) / (2 * 0.5**2))) for d in (0.3, 1.0))
+    np.testing.assert_allclose(closeness_costs(game, omega), near - far)
+    assert closeness_costs(game, -omega)[0] < 0
+    assert closeness_costs(game, 0 * omega) == 0

@@ -1,0 +1,135 @@
+"""Pictures of drones: what is where, and an ordinary run's."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+from matplotlib.axes import Axes
+from matplotlib.patches import Circle, Rectangle
+
+from mabirds_bringup.bench.cases import Case
+from mabirds_bringup.bench.learning import drawn_streams, learn
+from mabirds_bringup.evaluate.evaluation import evaluate
+from mabirds_bringup.report.figures import rooms_figure, save_figures
+from mabirds_core.experiment.assembly import drone_game
+from mabirds_core.experiment.file import Experiment, load_experiment
+from mabirds_core.experiment.simulate import History
+from mabirds_core.games.drones.game import DroneGame
+from mabirds_core.games.drones.rooms import (
+    RESOLUTION,
+    Learned,
+    colour_of,
+    cost_field,
+    draw_costs,
+    draw_distance_costs,
+    draw_flights,
+    draw_room,
+)
+
+MakeExperiment = Callable[..., Path]
+
+
+@pytest.fixture
+def drones(make_drone_experiment: MakeExperiment) -> Experiment:
+    return load_experiment(make_drone_experiment(iterations=2))
+
+
+@pytest.fixture
+def game(drones: Experiment) -> DroneGame:
+    return drone_game(drones)
+
+
+@pytest.fixture
+def axis() -> Axes:
+    figure, axis = plt.subplots()
+    yield axis
+    plt.close(figure)
+
+
+def circles(axis: Axes) -> set[tuple[float, float, float]]:
+    return {
+        (round(one.center[0], 9), round(one.center[1], 9), round(one.radius, 9))
+        for one in axis.patches
+        if isinstance(one, Circle)
+    }
+
+
+def test_a_room_shows_pillars_what_they_keep_off_doors_and_starts(game: DroneGame, axis: Axes) -> None:
+    draw_room(axis, game)
+    assert circles(axis) == {(1.5, 1.5, 0.3), (1.5, 1.5, 0.42), (2.6, 2.6, 0.3), (0.4, 2.6, 0.3)}
+    squares = [one for one in axis.patches if isinstance(one, Rectangle)]
+    assert [one.get_xy() for one in squares] == [pytest.approx((0.3, 0.3)), pytest.approx((2.5, 0.3))]
+    assert (axis.get_xlim(), axis.get_ylim()) == ((0, 3), (0, 3))
+
+
+def test_a_room_of_one_drone_leaves_the_others_out(game: DroneGame, axis: Axes) -> None:
+    draw_room(axis, game, [1])
+    assert circles(axis) == {(1.5, 1.5, 0.3), (1.5, 1.5, 0.42), (0.4, 2.6, 0.3)}
+
+
+def test_flights_are_lines_in_the_drones_colours(axis: Axes) -> None:
+    places = np.random.default_rng(0).random((3, 5, 2, 2))
+    draw_flights(axis, places, [1])
+    assert [line.get_color() for line in axis.lines] == [colour_of(1)] * 3
+    np.testing.assert_array_equal(np.column_stack(axis.lines[2].get_data()), places[2, :, 1])
+
+
+def test_a_field_is_drawn_where_it_is(game: DroneGame) -> None:
+    nodes = game.cost_features.lattice.nodes
+    omega = np.zeros(len(game.cost_features.names))
+    chosen = int(np.flatnonzero((nodes[:, 0] > 2) & (nodes[:, 1] < 1))[0])  # right, below
+    omega[len(nodes) + chosen] = -5.0
+    field = cost_field(game, omega, 1)
+    row, column = np.unravel_index(field.argmax(), field.shape)
+    np.testing.assert_allclose((np.array([column, row]) + 0.5) * RESOLUTION, nodes[chosen], atol=RESOLUTION)
+    assert field.max() == pytest.approx(5.0, rel=0.05)
+    assert not cost_field(game, omega, 0).any()
+
+
+def test_costs_have_a_panel_a_learner_and_drone_and_one_scale(game: DroneGame) -> None:
+    rng, figure = np.random.default_rng(0), plt.figure()
+    omegas = rng.normal(size=(3, len(game.cost_features.names)))
+    learned = {f"l{k}": Learned(omega, rng.random((4, 5, 2, 2))) for k, omega in enumerate(omegas)}
+    draw_costs(figure, game, learned)
+    panels = [axis for axis in figure.axes if axis.images]
+    assert [axis.get_title() for axis in panels] == [f"l{k}, drone {i}" for i in (1, 2) for k in range(3)]
+    assert len({axis.images[0].get_clim() for axis in panels}) == 1
+    low, high = panels[0].images[0].get_clim()
+    assert low == min(axis.images[0].get_array().min() for axis in panels)
+    assert high == max(axis.images[0].get_array().max() for axis in panels)
+    assert all(len(axis.lines) == 4 for axis in panels)
+    first, other_door = circles(panels[0]), (0.4, 2.6, 0.3)
+    assert (2.6, 2.6, 0.3) in first
+    assert other_door not in first
+    plt.close(figure)
+
+
+def test_costs_of_distances_are_all_on_one_axis(game: DroneGame, axis: Axes) -> None:
+    omega = np.zeros(len(game.cost_features.names))
+    omega[-4] = -1.0
+    draw_distance_costs(axis, game, {"a": omega, "b": 2 * omega})
+    first, second, least = axis.lines
+    np.testing.assert_allclose(second.get_ydata(), 2 * first.get_ydata())
+    assert first.get_ydata()[0] > first.get_ydata()[-1]
+    assert least.get_xdata()[0] == game.settings.least_distance
+
+
+@pytest.fixture
+def history(drones: Experiment, game: DroneGame) -> History:
+    return learn(Case("", "", drones), drones, drawn_streams(drones, game))[0]
+
+
+def test_a_run_of_drones_has_its_pictures(drones: Experiment, history: History, tmp_path: Path) -> None:
+    assert save_figures(drones, history, evaluate(drones, history), tmp_path) == ["map.png", "curves.png"]
+    assert all((tmp_path / name).read_bytes().startswith(b"\x89PNG") for name in ("map.png", "curves.png"))
+
+
+def test_the_map_of_a_run_of_drones_shows_every_learner(drones: Experiment, history: History) -> None:
+    figure = rooms_figure(drones, history)
+    assert sum(bool(axis.images) for axis in figure.axes) == 2 * len(history)
+    plt.close(figure)

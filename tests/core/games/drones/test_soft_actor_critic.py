@@ -1,0 +1,254 @@
+"""Soft actor-critic: its densities, replay and memory, that it repeats, and how near it comes to the lattice."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+import torch
+from rooms import double, random_flights, room
+
+from mabirds_core.arrays import Array
+from mabirds_core.errors import CheckpointError, ExperimentError
+from mabirds_core.games.drones.actor_critic_networks import Adam, Networks, squashed
+from mabirds_core.games.drones.features import total_reward
+from mabirds_core.games.drones.game import DroneGame
+from mabirds_core.games.drones.lattice import LatticeFinder
+from mabirds_core.games.drones.replay import Replay
+from mabirds_core.games.drones.rewards import LinearDroneReward, TrueDroneReward
+from mabirds_core.games.drones.rollouts import drone_rollouts
+from mabirds_core.games.drones.settings import DroneSettings
+from mabirds_core.games.drones.soft_actor_critic import SacFinder, SacPolicy
+from mabirds_core.metrics.metrics import flight_distance, place_visitation
+
+SMALL = {"hidden": 8, "steps": 4, "first_steps": 6, "batch": 8, "capacity": 200, "rollouts": 3}
+
+
+def finder(game: DroneGame, temperature: float = 0.1, **changes: object) -> SacFinder:
+    return SacFinder(game, TrueDroneReward(game), temperature, **{**SMALL, **changes})  # type: ignore[arg-type]
+
+
+def found(one: SacFinder, previous: SacPolicy | None = None, seed: int = 0, omega: float = -0.1) -> SacPolicy:
+    weights = np.full(len(one.game.cost_features.names), omega)
+    return one.find(np.zeros(0), weights, previous, np.random.default_rng(seed), random_flights(one.game, 2, seed))
+
+
+def bits(one: SacFinder, policy: SacPolicy) -> dict[str, bytes]:
+    return {name: values.tobytes() for name, values in one.remember(policy).items()}
+
+
+@pytest.mark.parametrize("deviation", [0.3, 0.7, 1.2])
+def test_the_density_of_squashed_actions_has_mass_one(deviation: float) -> None:
+    """Over the unit disc, by the midpoint rule in polar coordinates, for u from a Gaussian off the middle."""
+    radii, angles = (np.arange(2000) + 0.5) / 2000, 2 * np.pi * (np.arange(360) + 0.5) / 360
+    reach = np.arctanh(radii)[:, None, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    u = torch.from_numpy(reach)
+    actions, log_determinant = squashed(u)
+    assert np.allclose(np.hypot(*np.moveaxis(actions.numpy(), -1, 0)), radii[:, None], atol=1e-4)
+    away = ((u - torch.tensor([0.4, -0.2])) ** 2).sum(-1) / (2 * deviation**2)
+    density = torch.exp(-away - log_determinant) / (2 * np.pi * deviation**2)
+    mass = (density.numpy() * radii[:, None]).sum() / 2000 * 2 * np.pi / 360
+    assert mass == pytest.approx(1.0, abs=0.01)
+
+
+@pytest.mark.parametrize("length", [1e-4, 0.3, 2.0, 6.0])
+def test_the_determinant_is_that_of_the_map(length: float) -> None:
+    u = torch.tensor([0.6 * length, 0.8 * length], dtype=torch.float64)
+    jacobian = torch.autograd.functional.jacobian(lambda x: squashed(x)[0], u)
+    assert float(squashed(u)[1]) == pytest.approx(float(torch.linalg.det(jacobian).log()), abs=2e-3)
+
+
+def test_long_vectors_have_finite_densities() -> None:
+    actions, log_determinant = squashed(torch.tensor([[80.0, 0.0], [0.0, 0.0]]))
+    assert torch.isfinite(log_determinant).all()
+    assert actions.norm(dim=-1).max() <= 1.0
+
+
+@pytest.mark.parametrize("game", [room(3), double(3)], ids=["single", "double"])
+def test_torch_moves_drones_as_numpy_does(game: DroneGame) -> None:
+    flights = random_flights(game, 200)
+    states, actions = flights.states.reshape(-1, game.state_size), 2 * flights.actions.reshape(-1, game.action_size)
+    dynamics = game.dynamics.on("cpu", torch.float64)
+    after = dynamics.step(torch.from_numpy(game.drones(states)), torch.from_numpy(game.controls(actions)))
+    assert np.abs(after.numpy().reshape(states.shape) - game.step(states, actions)).max() < 1e-12
+
+
+def test_log_pi_is_relative_to_the_uniform_measure_of_the_disc() -> None:
+    """E over actions of exp(-log pi) is the share of the disc that is covered: all of it, whatever the weights."""
+    game = room(1)
+    networks, rng = Networks(game, 16), np.random.default_rng(0)
+    weights = 3 * networks.actor.initial(1, rng)
+    states = torch.tensor(game.starts(1, rng), dtype=torch.float32).expand(200_000, -1)
+    noise = torch.from_numpy(rng.standard_normal((200_000, 2)).astype(np.float32))
+    actions, log_pi = networks.draw(weights, states, torch.zeros(len(states)), noise)
+    inner = actions.norm(dim=1) < 0.7 * game.dynamics.max_action  # where no weight is extreme
+    assert float((torch.exp(-log_pi) * inner).mean()) == pytest.approx(0.49, abs=0.01)
+
+
+def test_adam_is_that_of_torch() -> None:
+    weights = torch.randn(1, 5, generator=torch.Generator().manual_seed(1))
+    expected = weights.clone().requires_grad_()
+    optimiser, own = torch.optim.Adam([expected], lr=0.01), Adam.of(weights)
+    for _ in range(20):
+        optimiser.zero_grad()
+        (expected**4).sum().backward()
+        optimiser.step()
+        own = own.descend(4 * own.weights**3, 0.01)
+    assert torch.allclose(own.weights, expected, atol=1e-6)
+
+
+def test_the_replay_keeps_the_newest_rollouts_and_each_demonstration_once() -> None:
+    game = room(2)  # T + 1 = 4
+    first, second = random_flights(game, 3, seed=1), random_flights(game, 2, seed=2)
+    replay = Replay.empty(game).with_rollouts(first, 16).with_rollouts(second, 16)
+    assert len(replay.rollouts.states) == 4
+    assert (replay.rollouts.states[-2:] == second.states).all()
+    assert (replay.rollouts.states[:2] == first.states[1:]).all()
+    for _ in range(2):
+        replay = replay.with_demonstrations(first, 1000).with_demonstrations(second, 1000)
+    assert len(replay.demonstrations.states) == 5
+    states, _ = replay.transitions
+    assert states.shape == (4 * (4 + 5), game.state_size)
+    drawn = replay.draws(50, 8, 0.25, np.random.default_rng(0))
+    assert drawn.shape == (50, 8)
+    assert drawn[:, :6].max() < 16 <= drawn[:, 6:].min()
+    assert drawn.max() < 36
+
+
+def test_the_same_arguments_give_the_same_bits_and_leave_the_previous_policy_alone() -> None:
+    one = finder(room(2))
+    start = found(one)
+    before = bits(one, start)
+    again, other = found(one, start, seed=1), found(one, start, seed=2)
+    assert bits(one, found(one, start, seed=1)) == bits(one, again) != bits(one, other)
+    assert bits(one, start) == before != bits(one, again)
+    assert (start.searches, again.searches) == (1, 2)
+
+
+def test_what_is_remembered_goes_on_as_if_nothing_had_happened() -> None:
+    one = finder(room(2))
+    policy = found(one, found(one))
+    recalled = one.recall(one.remember(policy))
+    assert bits(one, found(one, recalled, seed=7)) == bits(one, found(one, policy, seed=7))
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("targets", np.zeros(3)),
+        ("actor.mean", np.zeros((1, 1))),
+        ("critics.square", None),
+        ("rollouts.states", np.full((1, 4, 4), np.nan)),
+        ("counts", np.array([1.5, 1.0, 1.0])),
+    ],
+)
+def test_memory_that_does_not_fit_is_refused_by_name(name: str, values: Array | None) -> None:
+    one = finder(room(2))
+    memory = one.remember(found(one))
+    assert name in memory
+    del memory[name]
+    with pytest.raises(CheckpointError, match=name):
+        one.recall(memory if values is None else {**memory, name: values})
+
+
+def test_a_policy_of_another_game_or_size_is_no_start() -> None:
+    one, other = finder(room(2)), finder(room(2, {"horizon": 4}))
+    assert found(one, found(other)).searches == 1
+    assert found(one, found(replace(one, hidden=9))).searches == 1
+    assert found(one, found(one)).searches == 2
+
+
+def test_a_gpu_that_is_not_there_is_missed_at_once() -> None:
+    if torch.cuda.is_available():
+        assert finder(room(1), device="cuda").device == "cuda"
+    else:
+        with pytest.raises(ExperimentError, match="device cuda: torch finds no GPU"):
+            finder(room(1), device="cuda")
+
+
+def test_nothing_follows_the_last_step() -> None:
+    """At t = T what is wanted of Q is what the action itself costs."""
+    game = room(2)
+    one = finder(game)
+    policy = found(one)
+    theta, omega = np.zeros(0), np.full(len(game.cost_features.names), -0.3)
+    batches = one._batches(theta, omega, policy.replay, 20, np.random.default_rng(0))
+    networks, last = Networks(game, 8), 0
+    for batch in batches:
+        wanted, ends = one._wanted(networks, policy.learned, batch), batch.times == game.horizon
+        assert torch.equal(wanted[ends], batch.efforts[ends])
+        assert not torch.isclose(wanted[~ends], batch.efforts[~ends]).any()
+        last += int(ends.sum())
+    assert last > 10
+
+
+def test_rewards_are_those_of_the_newest_parameters() -> None:
+    game = room(2)
+    one = finder(game)
+    policy, omega = found(one), np.linspace(-1, 1, len(game.cost_features.names))
+    batch = next(iter(one._batches(np.zeros(0), omega, policy.replay, 1, np.random.default_rng(0))))
+    states, actions = (values.double().numpy() for values in (batch.states, batch.actions))
+
+    def reward(states: Array, actions: Array) -> Array:
+        own = total_reward(game, one.reward_model, np.zeros(0), states, actions)
+        return np.asarray(own + total_reward(game, game.cost_features, omega, states, actions))
+
+    idle = np.zeros_like(actions)
+    assert np.allclose(batch.efforts.numpy(), reward(states, actions) - reward(states, idle), atol=1e-5)
+    followed, after = batch.times.numpy() < game.horizon, game.step(states, actions)
+    assert np.allclose(batch.successors.numpy()[followed], after[followed], atol=1e-5)
+    assert np.allclose(batch.idle.numpy()[followed], reward(after, idle)[followed], atol=1e-5)
+    assert followed.any()
+
+
+HALL = DroneSettings.model_validate(
+    {
+        "kind": "drones",
+        "room": (2.0, 2.0),
+        "pillars": [{"centre": (1.25, 0.6), "radius": 0.25}],
+        "drones": [{"start": (0.4, 0.4), "start_spread": 0.2, "door": {"centre": (1.7, 1.7), "radius": 0.2}}],
+        "horizon": 12,
+        "discount": 0.97,
+        "step_cost": 0.1,
+        "features": {"cost_spacing": 0.5, "cost_width": 0.25, "reward_spacing": 0.5, "reward_width": 0.4},
+    }
+)
+"""One drone, a pillar beside its way: a Gaussian of actions cannot go round both sides of one at once."""
+
+
+@cache
+def hall() -> tuple[DroneGame, Array, Array]:
+    """The game, a reward for being near the door, and costs of the pillar."""
+    game = DroneGame(HALL)
+    door = game.reward_features.lattice.nodes - [1.7, 1.7]
+    theta = 0.3 * np.exp(-(door**2).sum(axis=1))
+    omega = np.zeros(len(game.cost_features.names))
+    omega[game.true_constraints] = -0.5
+    return game, theta, omega
+
+
+@pytest.mark.parametrize("temperature", [0.1, 1000.0])
+def test_it_comes_near_the_lattice(temperature: float) -> None:
+    """Total variation distance of where flights spend their time, on squares of 0.25 m: below 0.12.
+
+    Two sets of 2000 flights of one and the same policy differ by about 0.02; the lattice's policy and that of uniform
+    actions by more than 0.5 at the lower temperature. At the highest all rewards are nothing and actions are uniform.
+    """
+    game, theta, omega = hall()
+    reward, seeds = LinearDroneReward(game), iter(range(100))
+    near = LatticeFinder(game, reward, 0.1, temperature).find(theta, omega)
+    one = SacFinder(game, reward, temperature, hidden=64, first_steps=600, steps=200)
+    policy = None
+    for _ in range(8):
+        policy = one.find(theta, omega, policy, np.random.default_rng(next(seeds)))
+    assert policy is not None
+    visits = [
+        place_visitation(game, drone_rollouts(game, each, 2000, np.random.default_rng(9)), 0.25)
+        for each in (near, policy)
+    ]
+    distance = flight_distance(visits)
+    uniform = LatticeFinder(game, reward, 0.1, 1000.0).find(theta, omega)
+    idle = place_visitation(game, drone_rollouts(game, uniform, 2000, np.random.default_rng(9)), 0.25)
+    if temperature < 1:
+        assert flight_distance([visits[0], idle]) > 0.5
+    assert distance < 0.12, distance
