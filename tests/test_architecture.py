@@ -118,3 +118,10 @@ def test_core_loads_without_ros() -> None:
 def test_no_source_file_is_longer_than_can_be_read_in_one_go() -> None:
     lengths = {path.name: len(text(path).splitlines()) for path in SOURCES.rglob("*.py")}
     assert {name: length for name, length in lengths.items() if length > LONGEST_FILE} == {}
+
+
+def test_sessions_need_no_ros_at_all() -> None:
+    hide = "import sys\nfor name in ('rclpy', 'mabirds_msgs', 'builtin_interfaces'): sys.modules[name] = None"
+    sessions = ("learner_session", "session", "resilient_session", "central_session", "checkpoint")
+    loaded = loaded_by("\n".join([hide, *(f"import mabirds_learner.{name}" for name in sessions)]))
+    assert {root for root in loaded if ROS.fullmatch(root)} <= {"rclpy", "mabirds_msgs", "builtin_interfaces"}

@@ -15,13 +15,13 @@ from mabirds_msgs.msg import Parameters as ParametersMessage
 from truth import Truth, bits, disturbed, true_messages, without_forgeries
 
 from mabirds_core.algorithm.parameters import LARGEST, Parameters
-from mabirds_core.errors import MabirdsError
+from mabirds_core.errors import MabirdsError, RefusedMessageError
 from mabirds_core.experiment.assembly import build_learner, build_method
 from mabirds_core.experiment.simulate import simulate_central
 from mabirds_learner.central_session import CentralSession
 from mabirds_learner.inbox import accept
 from mabirds_learner.session import StrictSession
-from mabirds_msgs_py.conversion import RefusedMessageError, arrays, read_schedule
+from mabirds_msgs_py.conversion import arrays, read_schedule
 
 REASONS = {
     "wrong_learner",

@@ -9,10 +9,10 @@ from mabirds_msgs.msg import Mass, Membership
 from truth import Truth
 
 from mabirds_core.consensus.push_sum import RunningSum
+from mabirds_core.errors import RefusedMessageError
 from mabirds_core.experiment.assembly import build_resilient_learner
 from mabirds_core.experiment.file import Experiment
 from mabirds_learner.resilient_session import ResilientSession
-from mabirds_msgs_py.conversion import RefusedMessageError
 from mabirds_msgs_py.mass_conversion import mass_message, read_mass, read_membership
 
 NAMES = ["learner_1", "learner_2"]

@@ -13,19 +13,14 @@ from mabirds_msgs.msg import EdgeSchedule as EdgeScheduleMessage
 from mabirds_msgs.msg import Parameters as ParametersMessage
 
 from mabirds_core.algorithm.parameters import Parameters
+from mabirds_core.errors import RefusedMessageError
 from mabirds_core.experiment.assembly import build_game
 from mabirds_core.experiment.file import Experiment, load_experiment
 from mabirds_core.experiment.simulate import History, simulate
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_msgs_py.bag_reader import DemonstrationBag
-from mabirds_msgs_py.conversion import (
-    RefusedMessageError,
-    parameters_message,
-    read_demonstration,
-    read_parameters,
-    schedule_message,
-)
+from mabirds_msgs_py.conversion import parameters_message, read_demonstration, read_parameters, schedule_message
 
 
 @dataclass(frozen=True)

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from mabirds_core.errors import RefusedMessageError
 from mabirds_core.experiment.assembly import build_game, build_method
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import simulate_central
 from mabirds_core.games.interface import Trajectories
 from mabirds_expert_player.recorder import expert_streams
 from mabirds_learner.central_session import CentralSession
-from mabirds_msgs_py.conversion import RefusedMessageError
 
 HISTORY = 4
 

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from mabirds_core.consensus.push_sum import RunningSum
+from mabirds_core.errors import RefusedMessageError
 from mabirds_core.experiment.assembly import build_game, build_resilient_learner
 from mabirds_core.experiment.file import Experiment, load_experiment
 from mabirds_core.experiment.simulate import simulate_resilient
 from mabirds_core.games.interface import Trajectories
 from mabirds_learner.resilient_session import ResilientSession
 from mabirds_msgs_py.bag_reader import DemonstrationBag
-from mabirds_msgs_py.conversion import RefusedMessageError
 
 Streams = dict[str, list[Trajectories]]
 NAMES = ("learner_1", "learner_2", "learner_3", "learner_4")

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.consensus.schedule import EdgeSchedule, smallest_window
-from mabirds_core.errors import ScheduleError
+from mabirds_core.errors import RefusedMessageError, ScheduleError
 from mabirds_core.experiment.assembly import build_game, build_learner
 from mabirds_core.experiment.file import Experiment, load_experiment
 from mabirds_core.experiment.simulate import simulate
@@ -19,7 +19,6 @@ from mabirds_core.games.interface import Trajectories
 from mabirds_learner.learner_session import DEMONSTRATION
 from mabirds_learner.session import StrictSession
 from mabirds_msgs_py.bag_reader import DemonstrationBag
-from mabirds_msgs_py.conversion import RefusedMessageError
 
 SLOTS = {"kind": "slots", "slots": [[["learner_1", "learner_2"], ["learner_2", "learner_1"]], []]}
 

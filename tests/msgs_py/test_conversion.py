@@ -13,11 +13,11 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.consensus.schedule import EdgeSchedule
+from mabirds_core.errors import RefusedMessageError
 from mabirds_core.experiment.assembly import build_game
 from mabirds_core.experiment.file import Experiment
 from mabirds_msgs_py.bag_reader import DemonstrationBag
 from mabirds_msgs_py.conversion import (
-    RefusedMessageError,
     demonstration_message,
     parameters_message,
     read_demonstration,

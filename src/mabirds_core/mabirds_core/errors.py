@@ -27,3 +27,11 @@ class DivergenceError(MabirdsError):
 
 class InfeasibleError(MabirdsError):
     """No trajectory from a start satisfies the hard constraints."""
+
+
+class RefusedMessageError(MabirdsError):
+    """A message that must not be used. ``reason`` is a short name to count by."""
+
+    def __init__(self, reason: str, explanation: str) -> None:
+        super().__init__(explanation)
+        self.reason = reason

@@ -11,11 +11,12 @@ from typing import Any
 
 from mabirds_msgs.msg import Demonstration
 
+from mabirds_core.errors import RefusedMessageError
 from mabirds_core.experiment.assembly import build_game, build_method
 from mabirds_learner.central_session import CentralSession
 from mabirds_learner.progress_node import ProgressNode
 from mabirds_msgs_py import topics
-from mabirds_msgs_py.conversion import RefusedMessageError, read_demonstration
+from mabirds_msgs_py.conversion import read_demonstration
 from mabirds_msgs_py.environment import prepare_environment
 from mabirds_msgs_py.node_main import run_node
 from mabirds_msgs_py.qos import latched

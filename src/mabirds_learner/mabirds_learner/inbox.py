@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from mabirds_core.algorithm.parameters import Parameters
+from mabirds_core.errors import RefusedMessageError
 from mabirds_core.games.interface import Trajectories
-from mabirds_msgs_py.conversion import RefusedMessageError
 
 Content = Trajectories | Parameters
 

@@ -12,6 +12,7 @@ from mabirds_msgs.msg import Demonstration
 from mabirds_msgs.srv import FetchParameters
 
 from mabirds_core.consensus.settings import ResilientMixing
+from mabirds_core.errors import RefusedMessageError
 from mabirds_learner.checkpoint import CheckpointStore, Owner
 from mabirds_learner.learner_session import LearnerSession
 from mabirds_learner.progress_node import ProgressNode
@@ -19,7 +20,7 @@ from mabirds_learner.resilient_exchange import ResilientExchange
 from mabirds_learner.session import default_history
 from mabirds_learner.strict_exchange import StrictExchange
 from mabirds_msgs_py import topics
-from mabirds_msgs_py.conversion import RefusedMessageError, read_demonstration
+from mabirds_msgs_py.conversion import read_demonstration
 from mabirds_msgs_py.environment import prepare_environment
 from mabirds_msgs_py.node_main import run_node
 from mabirds_msgs_py.presence import Presence

@@ -11,13 +11,13 @@ from mabirds_msgs.msg import Parameters as ParametersMessage
 from rclpy.node import Node
 
 from mabirds_core.algorithm.parameters import Parameters
-from mabirds_core.errors import ExperimentError
+from mabirds_core.errors import ExperimentError, RefusedMessageError
 from mabirds_core.games.interface import ConstrainedMarkovGame
 from mabirds_core.metrics.metrics import norms
 from mabirds_learner.diagnostics import HARMLESS, learning_diagnostic
 from mabirds_learner.progress import Session
 from mabirds_msgs_py import diagnostics, topics
-from mabirds_msgs_py.conversion import RefusedMessageError, parameters_message, schedule_message, time_message
+from mabirds_msgs_py.conversion import parameters_message, schedule_message, time_message
 from mabirds_msgs_py.qos import STATUS_QOS, announced, latched
 from mabirds_msgs_py.ros_parameters import declare_experiment, experiment_of, real, whole
 

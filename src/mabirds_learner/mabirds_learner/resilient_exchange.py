@@ -7,10 +7,10 @@ from mabirds_msgs.msg import Mass, Membership
 from rclpy.publisher import Publisher
 
 from mabirds_core.consensus.settings import ResilientMixing
+from mabirds_core.errors import RefusedMessageError
 from mabirds_core.experiment.assembly import build_resilient_learner
 from mabirds_learner.resilient_session import ResilientSession
 from mabirds_msgs_py import topics
-from mabirds_msgs_py.conversion import RefusedMessageError
 from mabirds_msgs_py.mass_conversion import mass_message, read_mass, read_membership
 from mabirds_msgs_py.qos import announced, latched
 

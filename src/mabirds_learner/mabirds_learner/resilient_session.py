@@ -19,10 +19,9 @@ from mabirds_core.arrays import Array
 from mabirds_core.consensus.membership import among
 from mabirds_core.consensus.push_sum import RunningSum
 from mabirds_core.consensus.resilient import ResilientLearner, ResilientState
-from mabirds_core.errors import ScheduleError
+from mabirds_core.errors import RefusedMessageError, ScheduleError
 from mabirds_core.metrics.metrics import norms
 from mabirds_learner.learner_session import LearnerSession
-from mabirds_msgs_py.conversion import RefusedMessageError
 
 FIRST_EPOCH = 1
 """The epoch of the experiment's own list of learners."""

@@ -7,11 +7,12 @@ from mabirds_msgs.msg import Parameters as ParametersMessage
 from mabirds_msgs.srv import FetchParameters
 from rclpy.client import Client
 
+from mabirds_core.errors import RefusedMessageError
 from mabirds_core.experiment.assembly import build_learner
 from mabirds_core.texts import printable
 from mabirds_learner.session import StrictSession
 from mabirds_msgs_py import topics
-from mabirds_msgs_py.conversion import RefusedMessageError, read_parameters
+from mabirds_msgs_py.conversion import read_parameters
 from mabirds_msgs_py.qos import announced
 
 if TYPE_CHECKING:

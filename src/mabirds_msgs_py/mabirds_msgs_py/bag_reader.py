@@ -18,10 +18,11 @@ from mcap.records import Channel, Chunk, ChunkIndex, Footer, McapRecord, Message
 from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 from rclpy.serialization import deserialize_message
 
+from mabirds_core.errors import RefusedMessageError
 from mabirds_core.games.interface import ConstrainedMarkovGame, Trajectories
 from mabirds_core.texts import printable, shortened
 from mabirds_core.yaml_files import read_yaml
-from mabirds_msgs_py.conversion import RefusedMessageError, read_demonstration
+from mabirds_msgs_py.conversion import read_demonstration
 from mabirds_msgs_py.errors import BagError
 from mabirds_msgs_py.interfaces import type_hash, type_name
 from mabirds_msgs_py.topics import bag_topic

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mabirds_core.algorithm.parameters import LARGEST, Parameters
 from mabirds_core.consensus.schedule import EdgeSchedule, End, require_size
 from mabirds_core.consensus.weights import Edge
-from mabirds_core.errors import ImpossibleTrajectoryError, MabirdsError, ScheduleError
+from mabirds_core.errors import ImpossibleTrajectoryError, RefusedMessageError, ScheduleError
 from mabirds_core.games.interface import ConstrainedMarkovGame, Trajectories
 from mabirds_core.texts import printable, shortened
 
@@ -21,14 +21,6 @@ NANOSECONDS = 1_000_000_000
 
 ENDS: tuple[End, ...] = get_args(End)
 """What may follow the last slot of a schedule; messages do not say which, but the digest depends on it."""
-
-
-class RefusedMessageError(MabirdsError):
-    """A message that must not be used. ``reason`` is a short name to count by."""
-
-    def __init__(self, reason: str, explanation: str) -> None:
-        super().__init__(explanation)
-        self.reason = reason
 
 
 def time_message(nanoseconds: int) -> Time:

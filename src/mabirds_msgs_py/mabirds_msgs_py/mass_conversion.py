@@ -7,8 +7,9 @@ from mabirds_msgs.msg import Mass, Membership
 
 from mabirds_core.arrays import Vector
 from mabirds_core.consensus.push_sum import RunningSum
+from mabirds_core.errors import RefusedMessageError
 from mabirds_core.texts import shortened
-from mabirds_msgs_py.conversion import RefusedMessageError, floats
+from mabirds_msgs_py.conversion import floats
 
 LARGEST_SUM = 1e20
 """Sums over a million iterations of the largest parameters stay below this."""

@@ -7,12 +7,13 @@ from mabirds_msgs.msg import EdgeSchedule, LearnerStatus
 from mabirds_msgs.msg import Parameters as ParametersMessage
 
 from mabirds_core.algorithm.parameters import Parameters
+from mabirds_core.errors import RefusedMessageError
 from mabirds_core.experiment.assembly import build_learner, build_method
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.texts import shortened
 from mabirds_learner.diagnostics import HARMLESS
 from mabirds_learner.inbox import accept
-from mabirds_msgs_py.conversion import RefusedMessageError, read_parameters, require_sender, schedule_message
+from mabirds_msgs_py.conversion import read_parameters, require_sender, schedule_message
 
 EXPECTED = HARMLESS | {"wrong_experiment", "wrong_schedule"}
 """Reasons of drops that are no trouble: repetitions, and other runs in the same ROS domain."""

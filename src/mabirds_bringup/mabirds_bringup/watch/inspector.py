@@ -15,12 +15,12 @@ from rclpy.client import Client
 from rclpy.node import Node
 
 from mabirds_bringup.watch.live_table import STATES
-from mabirds_core.errors import MabirdsError
+from mabirds_core.errors import MabirdsError, RefusedMessageError
 from mabirds_core.experiment.assembly import METHODS, build_game
 from mabirds_core.experiment.file import load_experiment
 from mabirds_core.metrics.metrics import norms
 from mabirds_msgs_py import topics
-from mabirds_msgs_py.conversion import RefusedMessageError, arrays, read_schedule
+from mabirds_msgs_py.conversion import arrays, read_schedule
 from mabirds_msgs_py.interfaces import type_name
 from mabirds_msgs_py.qos import STATUS_QOS, latched
 

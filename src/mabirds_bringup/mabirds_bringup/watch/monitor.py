@@ -16,12 +16,13 @@ from mabirds_bringup.watch.admission import EXPECTED, Admission
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.consensus.schedule import Delivered
 from mabirds_core.consensus.settings import ResilientMixing
+from mabirds_core.errors import RefusedMessageError
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History
 from mabirds_core.metrics.metrics import consensus_distance
 from mabirds_msgs_py import topics
 from mabirds_msgs_py.bag_writer import BagWriter
-from mabirds_msgs_py.conversion import RefusedMessageError, nanoseconds
+from mabirds_msgs_py.conversion import nanoseconds
 from mabirds_msgs_py.mass_conversion import membership_message
 from mabirds_msgs_py.presence import Presence
 from mabirds_msgs_py.qos import STATUS_QOS, announced, latched
