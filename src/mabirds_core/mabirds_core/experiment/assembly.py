@@ -12,9 +12,6 @@ from mabirds_core.baselines.dlm import Dlm
 from mabirds_core.baselines.ftl import Ftl
 from mabirds_core.baselines.interface import CentralMethod
 from mabirds_core.baselines.me_greedy import MeGreedy
-from mabirds_core.consensus.resilient import ResilientLearner
-from mabirds_core.consensus.schedule import EdgeSchedule
-from mabirds_core.consensus.settings import ResilientMixing
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.learning_settings import (
@@ -65,31 +62,18 @@ def drone_game(experiment: Experiment) -> DroneGame:
 
 
 def build_learner(experiment: Experiment, name: str, game: AnyGame | None = None) -> Learner:
-    """Learner ``name`` of the experiment; ``game`` saves building the same game again.
+    """Learner ``name`` of the experiment, with its mixer; ``game`` saves building the same game again.
 
     Raises ExperimentError where the experiment has no such learner.
     """
     return Learner(
         index=experiment.index_of(name),
         estimator=build_estimator(experiment, game or build_game(experiment)),
-        schedule=experiment.edge_schedule,
+        mixer=experiment.mixing.mixer(name, experiment.edge_schedule),
         steps=experiment.algorithm.steps,
         window=experiment.algorithm.window,
         seed=experiment.seed,
     )
-
-
-def build_resilient_learner(
-    experiment: Experiment, name: str, game: AnyGame | None = None, schedule: EdgeSchedule | None = None
-) -> ResilientLearner:
-    """The same in resilient mode. ``schedule``: of the present members; default: the experiment's.
-
-    Raises ExperimentError where the experiment's mixing is strict, or has no such learner.
-    """
-    if not isinstance(experiment.mixing, ResilientMixing):
-        raise ExperimentError(f"mixing is {experiment.mixing.kind}, expected resilient")
-    learner = build_learner(experiment, name, game)
-    return ResilientLearner(learner, name, schedule or learner.schedule, experiment.mixing.smallest_weight)
 
 
 METHODS = ("bics", "ftl", "dlm", "me_greedy", "me_gradient")

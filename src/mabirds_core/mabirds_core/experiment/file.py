@@ -11,7 +11,8 @@ from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
 
 from mabirds_core.consensus.schedule import EdgeSchedule, validate
 from mabirds_core.consensus.schedule_settings import LearnerName, ScheduleSettings
-from mabirds_core.consensus.settings import MixingSettings, StrictMixing
+from mabirds_core.consensus.settings import MixingSettings
+from mabirds_core.consensus.strict import StrictMixing
 from mabirds_core.digest import digest
 from mabirds_core.errors import ExperimentError, MabirdsError
 from mabirds_core.experiment.learning_settings import (
