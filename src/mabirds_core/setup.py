@@ -48,6 +48,10 @@ setup(
             "gossip = mabirds_core.consensus.kinds:RANDOM",
             "slots = mabirds_core.consensus.kinds:EXPLICIT",
         ],
+        "mabirds.mixers": [
+            "strict = mabirds_core.consensus.kinds:STRICT",
+            "resilient = mabirds_core.consensus.kinds:RESILIENT",
+        ],
         "mabirds.step_rules": ["paper = mabirds_core.algorithm.kinds:PAPER"],
     },
 )

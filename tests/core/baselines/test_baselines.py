@@ -16,6 +16,7 @@ from mabirds_core.baselines.dlm import Dlm
 from mabirds_core.baselines.ftl import Ftl
 from mabirds_core.baselines.me_greedy import MeGreedy, violation_probabilities
 from mabirds_core.consensus.generators import complete_edges, static
+from mabirds_core.consensus.strict import StrictMixer
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.assembly import build_method, method_names, policy_of
 from mabirds_core.experiment.simulate import simulate, simulate_central
@@ -88,13 +89,13 @@ def test_one_bics_step_is_the_mean_of_the_learners_steps() -> None:
     """Where all start alike and average with everybody, pooling and exchanging are the same."""
     game, streams = hallway(), pooled(hallway(), streams=3, seed=4)
     schedule = static(("a", "b", "c"), complete_edges(3))
-    learners = [Learner(v, estimator(game), schedule, STEPS, 1, 0) for v in range(3)]
+    learners = [Learner(v, estimator(game), StrictMixer(name, schedule), STEPS, 1, 0) for v, name in enumerate("abc")]
     start = learners[0].initial_state()
     after = [
-        learner.update(
+        learner.step(
             start,
             Trajectories(streams.states[[v]], streams.actions[[v]]),
-            {u: start.parameters for u in range(3) if u != v},
+            {name: start.parameters for name in "abc" if name != learner.mixer.name},
         ).state.parameters
         for v, learner in enumerate(learners)
     ]

@@ -339,8 +339,8 @@ def test_a_learner_starts_every_search_from_the_one_before() -> None:
     assert isinstance(learner.estimator.finder, SoftQFinder)
     state, known = learner.initial_state(), [set[int]()]
     for n, demonstration in enumerate(demonstrations(settings)["ann"], start=1):
-        neighbours = dict.fromkeys(learner.schedule.in_neighbours(learner.index, n), state.parameters)
-        state = learner.update(state, demonstration, neighbours).state
+        neighbours = dict.fromkeys(learner.mixer.schedule.senders_to("ann", n), state.parameters)
+        state = learner.step(state, demonstration, neighbours).state
         assert isinstance(state.policy, SoftQPolicy)
         known.append(set(visited(state.policy).tolist()))
     assert all(fewer <= more for fewer, more in pairwise(known))

@@ -1,5 +1,6 @@
-"""The entry points of the edge schedules."""
+"""The entry points of the edge schedules and the mixers."""
 
+from mabirds_core.consensus.push_sum_mixer import ResilientMixing
 from mabirds_core.consensus.schedule_settings import (
     AlternatingSchedule,
     DirectedRingSchedule,
@@ -7,6 +8,7 @@ from mabirds_core.consensus.schedule_settings import (
     RandomSchedule,
     StaticSchedule,
 )
+from mabirds_core.consensus.strict import StrictMixing
 from mabirds_core.registry import Kind
 
 STATIC = Kind(StaticSchedule, StaticSchedule.build)
@@ -14,3 +16,6 @@ ALTERNATING = Kind(AlternatingSchedule, AlternatingSchedule.build)
 DIRECTED_RING = Kind(DirectedRingSchedule, DirectedRingSchedule.build)
 RANDOM = Kind(RandomSchedule, RandomSchedule.build)
 EXPLICIT = Kind(ExplicitSchedule, ExplicitSchedule.build)
+
+STRICT = Kind(StrictMixing, StrictMixing.mixer)
+RESILIENT = Kind(ResilientMixing, ResilientMixing.mixer)

@@ -10,9 +10,6 @@ from mabirds_core.algorithm.gradient import GradientEstimator
 from mabirds_core.algorithm.learner import Learner
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.baselines.interface import CentralMethod, MethodParts
-from mabirds_core.consensus.resilient import ResilientLearner
-from mabirds_core.consensus.schedule import EdgeSchedule
-from mabirds_core.consensus.settings import ResilientMixing
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.games.interface import Game
@@ -34,7 +31,7 @@ def build_reward(experiment: Experiment, game: Game) -> RewardModel:
 
 
 def build_learner(experiment: Experiment, name: str, game: Game | None = None) -> Learner:
-    """Learner ``name`` of the experiment; ``game`` saves building the same game again.
+    """Learner ``name`` of the experiment, with its mixer; ``game`` saves building the same game again.
 
     Raises ExperimentError where the experiment has no such learner.
     """
@@ -42,24 +39,11 @@ def build_learner(experiment: Experiment, name: str, game: Game | None = None) -
     return Learner(
         index=experiment.index_of(name),
         estimator=build_estimator(experiment, game, build_reward(experiment, game)),
-        schedule=experiment.edge_schedule,
+        mixer=build("mabirds.mixers", experiment.mixing, name, experiment.edge_schedule),
         steps=build("mabirds.step_rules", experiment.algorithm.steps),
         window=experiment.algorithm.window,
         seed=experiment.seed,
     )
-
-
-def build_resilient_learner(
-    experiment: Experiment, name: str, game: Game | None = None, schedule: EdgeSchedule | None = None
-) -> ResilientLearner:
-    """The same in resilient mode. ``schedule``: of the present members; default: the experiment's.
-
-    Raises ExperimentError where the experiment's mixing is strict, or has no such learner.
-    """
-    if not isinstance(experiment.mixing, ResilientMixing):
-        raise ExperimentError(f"mixing is {experiment.mixing.kind}, expected resilient")
-    learner = build_learner(experiment, name, game)
-    return ResilientLearner(learner, name, schedule or learner.schedule, experiment.mixing.smallest_weight)
 
 
 def build_estimator(experiment: Experiment, game: Game, reward: RewardModel) -> GradientEstimator:

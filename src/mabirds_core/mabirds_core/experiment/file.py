@@ -10,7 +10,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from mabirds_core.consensus.schedule import EdgeSchedule, validate
 from mabirds_core.consensus.schedule_settings import LearnerName
-from mabirds_core.consensus.settings import MixingSettings, StrictMixing
+from mabirds_core.consensus.strict import StrictMixing
 from mabirds_core.digest import versioned_digest
 from mabirds_core.errors import ExperimentError, MabirdsError
 from mabirds_core.experiment.learning_settings import AlgorithmSettings, BaselineSettings
@@ -41,9 +41,11 @@ RESERVED_NAMES = {"expert_player", "demonstration"}
 if TYPE_CHECKING:
     GameSettings: TypeAlias = Any
     ScheduleSettings: TypeAlias = Any
+    MixingSettings: TypeAlias = Any
 else:
     GameSettings = union("mabirds.games", default="patrol")
     ScheduleSettings = union("mabirds.schedules")
+    MixingSettings = union("mabirds.mixers")
 
 PassingSide = Literal["by_start", "random", "left", "right"]
 """The side of an obstacle on which experts pass: where they started from it, either, or the same for all."""
@@ -68,7 +70,7 @@ class Experiment(Settings):
     algorithm: AlgorithmSettings
     learners: tuple[LearnerName, ...] = Field(min_length=1, max_length=1000)
     schedule: ScheduleSettings
-    mixing: MixingSettings = Field(StrictMixing(), discriminator="kind", description="strict, or resilient to loss")
+    mixing: MixingSettings = Field(StrictMixing(), description="strict, or resilient to loss")
     demonstrations: DemonstrationSettings
     baselines: BaselineSettings = BaselineSettings()
     iterations: int = Field(ge=1, le=1_000_000, description="updates a learner makes, one demonstration each")

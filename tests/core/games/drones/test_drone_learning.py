@@ -14,6 +14,7 @@ from mabirds_core.algorithm.learner import Learner, LearnerState
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.algorithm.storage import from_arrays, to_arrays
 from mabirds_core.baselines.bics import Bics
+from mabirds_core.consensus.strict import StrictState
 from mabirds_core.errors import ExperimentError, MabirdsError
 from mabirds_core.experiment.assembly import (
     build_estimator,
@@ -66,7 +67,7 @@ def test_every_learner_learns_both_parameters() -> None:
 
 def updated(learner: Learner, state: LearnerState, stream: list[Trajectories]) -> LearnerState:
     """After one more update with no neighbours."""
-    return learner.update(state, stream[state.iteration - 1], {}).state
+    return learner.step(state, stream[state.iteration - 1], {}).state
 
 
 @every_kind
@@ -109,7 +110,7 @@ def test_a_learners_gradient_is_that_of_rollouts_less_demonstrations() -> None:
     learner, game, demonstration = build_learner(settings, "ann"), drone_game(settings), flights(settings)["ann"][0]
     rng = np.random.default_rng(0)
     at = Parameters(*(rng.normal(size=values.shape) for values in learner.initial_state().parameters))
-    found = learner.update(LearnerState(3, at, ()), demonstration, {}).gradient
+    found = learner.step(LearnerState(3, StrictState(at), ()), demonstration, {}).gradient
     policy = LatticeFinder(game, LinearDroneReward(game), 0.4, 1.0).find(*at)
     imagined = drone_rollouts(game, policy, 6, np.random.default_rng([3, 0, 3]))
     for part, features in zip(found, (game.reward_features, game.cost_features), strict=True):
