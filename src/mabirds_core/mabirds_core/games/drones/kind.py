@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from mabirds_core.extras import require
 from mabirds_core.games.drones.planner_settings import LatticeSettings, SoftActorCriticSettings
 from mabirds_core.games.drones.settings import DroneSettings
 from mabirds_core.registry import Kind
@@ -23,6 +24,7 @@ def build_lattice(settings: LatticeSettings, game: Any, reward: Any) -> Any:
 
 def build_soft_actor_critic(settings: SoftActorCriticSettings, game: Any, reward: Any) -> Any:
     """The planner that learns from flights."""
+    require("torch", "policies of kind soft_actor_critic", "mabirds_core[sac]")
     from mabirds_core.games.drones.soft_actor_critic import SacFinder  # torch takes a second to load, and 200 MB
 
     return SacFinder(game, reward, **settings.model_dump(exclude={"kind"}))

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+from mabirds_core.extras import require
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.judge import FlightJudge
 from mabirds_core.games.drones.planner_checks import suits_lattice
@@ -12,6 +13,9 @@ from mabirds_core.games.drones.rollouts import SampledDroneExpectation
 from mabirds_core.games.interface import Experts, Learned
 from mabirds_core.planners.interface import PolicyFinder
 from mabirds_core.registry import build
+
+DRONES, SAC = "mabirds_core[drones]", "mabirds_core[sac]"
+"""What brings scipy, and what brings torch besides."""
 
 JUDGE_SPACING = 0.3
 """Metres between the nodes on which the parameters of soft actor-critics are judged."""
@@ -38,6 +42,7 @@ class WholeDroneGame(DroneGame):
 
     def neural_reward(self, hidden: int, bound: float) -> NeuralDroneReward:
         """A network for each drone's place."""
+        require("torch", "a neural reward of drones", SAC)
         return NeuralDroneReward(self, hidden, bound)
 
     def true_reward(self) -> TrueDroneReward:
@@ -54,6 +59,7 @@ class WholeDroneGame(DroneGame):
 
     def experts(self, kind: str, side: str) -> Experts:  # noqa: ARG002 - there is no other
         """Pilots, who pass pillars on ``side``."""
+        require("scipy", "pilots of drones", DRONES)
         from mabirds_core.games.drones.pilots import Pilots  # scipy is for recording, and for the lattice
 
         return Pilots(self, side)
@@ -67,6 +73,7 @@ class WholeDroneGame(DroneGame):
 
 def build_lattice(settings: LatticeSettings, game: DroneGame, reward: DroneRewardModel) -> PolicyFinder:
     """The planner of the settings."""
+    require("scipy", "policies of drones on a lattice", DRONES)
     from mabirds_core.games.drones.lattice import LatticeFinder  # scipy is for drones: patrols do without
 
     return LatticeFinder(game, reward, settings.spacing, settings.temperature)
