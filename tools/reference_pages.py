@@ -40,9 +40,6 @@ from mabirds_msgs_py.environment import prepare_environment
 ROOT = Path(__file__).resolve().parents[1]
 PATROL = ROOT / "ros_ws" / "config" / "patrol.yaml"
 INTERFACES = ROOT / "ros_ws" / "src" / "mabirds_msgs"
-DOMAIN = 101
-"""ROS domain in which nodes live for the moment that it takes to describe them."""
-
 OF_EVERY_NODE = re.compile(
     r"/rosout|/parameter_events|use_sim_time|start_type_description_service|rcl_interfaces/.*|type_description_.*/.*"
 )
@@ -250,10 +247,11 @@ def nodes() -> dict[str, Described]:
 
 @contextmanager
 def _ros(folder: Path) -> Iterator[Context]:
-    os.environ |= {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_LOG_DIR": str(folder / "log")}
+    """A context whose nodes nobody finds."""
+    os.environ |= {"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF", "ROS_LOG_DIR": str(folder / "log")}
     prepare_environment()
     context = Context()
-    rclpy.init(args=[], context=context, domain_id=DOMAIN)
+    rclpy.init(args=[], context=context)
     yield context
     rclpy.try_shutdown(context=context)
 

@@ -85,7 +85,7 @@ class DemonstrationSettings(Settings):
     """Where the recorded demonstrations are, and how they are recorded."""
 
     bag: Path = Field(description="rosbag2 directory, relative to the experiment file")
-    per_learner: int = Field(40, ge=1, le=1_000_000, description="demonstrations a learner")
+    per_learner: int = Field(40, ge=1, le=1_000_000, description="demonstrations per learner")
     period: float = Field(1.0, gt=0, le=86_400, description="seconds between two demonstrations in the recording")
     experts: Literal["optimal", "soft", "pilots"] = Field(
         "optimal", description="least cost, maximum entropy, or pilots of drones"

@@ -33,8 +33,8 @@ class SoftQSettings(Settings):
     """A policy learned from episodes, starting from that of the iteration before."""
 
     kind: Literal["soft_q_learning"]
-    episodes: int = Field(200, ge=1, le=1_000_000, description="episodes a sweep")
-    sweeps: int = Field(4, ge=1, le=1000, description="sweeps an iteration, each with the newest policy")
+    episodes: int = Field(200, ge=1, le=1_000_000, description="episodes per sweep")
+    sweeps: int = Field(4, ge=1, le=1000, description="sweeps per iteration, each with the newest policy")
     exploration: float = Field(0.2, ge=0, le=1, description="share of actions drawn uniformly")
 
 
@@ -52,9 +52,9 @@ class SoftActorCriticSettings(Settings):
     kind: Literal["soft_actor_critic"]
     temperature: float = Field(0.02, gt=0, le=1000, description="tau: the policy is that of the reward divided by it")
     hidden: int = Field(128, ge=1, le=10_000, description="units of each of the two hidden layers")
-    steps: int = Field(150, ge=1, le=1_000_000, description="gradient steps a search")
+    steps: int = Field(150, ge=1, le=1_000_000, description="gradient steps per search")
     first_steps: int = Field(600, ge=1, le=1_000_000, description="gradient steps of the first search")
-    batch: int = Field(128, ge=1, le=1_000_000, description="transitions a gradient step")
+    batch: int = Field(128, ge=1, le=1_000_000, description="transitions per gradient step")
     capacity: int = Field(30_000, ge=1, le=10_000_000, description="transitions that are kept")
     rollouts: int = Field(32, ge=1, le=100_000, description="flights added to them in each search")
     learning_rate: float = Field(1e-3, gt=0, le=1, description="of the first search")
@@ -68,7 +68,7 @@ class AlgorithmSettings(Settings):
     steps: StepSizes
     window: int = Field(1, ge=1, le=1000, description="l: demonstrations in a gradient")
     expectation: Literal["sampled", "exact"] = Field("sampled", description="rollouts, or the occupancy measure")
-    rollouts: int = Field(100, ge=1, le=1_000_000, description="m: trajectories a gradient, where sampled")
+    rollouts: int = Field(100, ge=1, le=1_000_000, description="m: trajectories per gradient, where sampled")
     rollout_start: RolloutStart = Field("initial", description="roll out from P_0, or where demonstrations began")
     reward: LinearRewardSettings | NeuralRewardSettings = Field(
         LinearRewardSettings(), discriminator="kind", description="the reward model"
@@ -83,7 +83,7 @@ class FtlSettings(Settings):
 
     steps: StepSizes | None = Field(None, description="step sizes; default: the algorithm's")
     tolerance: float = Field(0.3, gt=0, description="largest entry of a gradient that counts as stationary")
-    most_steps: int = Field(50, ge=1, le=100_000, description="gradient steps an iteration")
+    most_steps: int = Field(50, ge=1, le=100_000, description="gradient steps per iteration")
 
 
 class DlmSettings(Settings):
@@ -91,7 +91,7 @@ class DlmSettings(Settings):
 
     steps: StepSizes | None = Field(None, description="step sizes; default: the algorithm's")
     tolerance: float = Field(0.5, gt=0, description="largest entry of the inner gradient that counts as solved")
-    most_steps: int = Field(50, ge=1, le=100_000, description="inner steps an iteration")
+    most_steps: int = Field(50, ge=1, le=100_000, description="inner steps per iteration")
     window: int = Field(10, ge=1, le=1000, description="l: iterations whose demonstrations make a loss")
 
 
