@@ -34,7 +34,7 @@ def policy(
     method: CentralMethodName = None,
     out: Annotated[Path | None, typer.Option(help="File to write; default: standard output.")] = None,
 ) -> None:
-    """Write an experiment's access-control policy in SROS2's format: an enclave a process.
+    """Write an experiment's access-control policy in SROS2's format: one enclave per process.
 
     Example: mabirds security policy ros_ws/config/patrol.yaml --out policy.xml
     """

@@ -15,7 +15,7 @@ class FtlSettings(Settings):
 
     steps: StepSizes | None = Field(None, description="step sizes; default: the algorithm's")
     tolerance: float = Field(0.3, gt=0, description="largest entry of a gradient that counts as stationary")
-    most_steps: int = Field(50, ge=1, le=100_000, description="gradient steps an iteration")
+    most_steps: int = Field(50, ge=1, le=100_000, description="gradient steps per iteration")
 
 
 class DlmSettings(Settings):
@@ -23,7 +23,7 @@ class DlmSettings(Settings):
 
     steps: StepSizes | None = Field(None, description="step sizes; default: the algorithm's")
     tolerance: float = Field(0.5, gt=0, description="largest entry of the inner gradient that counts as solved")
-    most_steps: int = Field(50, ge=1, le=100_000, description="inner steps an iteration")
+    most_steps: int = Field(50, ge=1, le=100_000, description="inner steps per iteration")
     window: int = Field(10, ge=1, le=1000, description="l: iterations whose demonstrations make a loss")
 
 

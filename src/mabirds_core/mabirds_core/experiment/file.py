@@ -55,7 +55,7 @@ class DemonstrationSettings(Settings):
     """Where the recorded demonstrations are, and how they are recorded."""
 
     bag: Path = Field(description="rosbag2 directory, relative to the experiment file")
-    per_learner: int = Field(40, ge=1, le=1_000_000, description="demonstrations a learner")
+    per_learner: int = Field(40, ge=1, le=1_000_000, description="demonstrations per learner")
     period: float = Field(1.0, gt=0, le=86_400, description="seconds between two demonstrations in the recording")
     experts: str = Field("optimal", description="of the game: least cost, maximum entropy, ...")
     side: PassingSide = Field("by_start", description="on which side experts pass obstacles, or what decides")
@@ -73,7 +73,7 @@ class Experiment(Settings):
     mixing: MixingSettings = Field(StrictMixing(), description="strict, or resilient to loss")
     demonstrations: DemonstrationSettings
     baselines: BaselineSettings = BaselineSettings()
-    iterations: int = Field(ge=1, le=1_000_000, description="updates a learner makes, one demonstration each")
+    iterations: int = Field(ge=1, le=1_000_000, description="updates per learner, one demonstration each")
     closing_rounds: int = Field(0, ge=0, le=10_000, description="rounds of averaging alone, after the last update")
     seed: int = Field(0, ge=0, description="of the learners' rollouts")
     constraint_threshold: float = Field(ge=0, description="a constraint is learned where -omega exceeds this")

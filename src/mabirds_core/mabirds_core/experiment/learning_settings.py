@@ -27,7 +27,7 @@ class AlgorithmSettings(Settings):
     steps: StepRule
     window: int = Field(1, ge=1, le=1000, description="l: demonstrations in a gradient")
     expectation: Literal["sampled", "exact"] = Field("sampled", description="rollouts, or the occupancy measure")
-    rollouts: int = Field(100, ge=1, le=1_000_000, description="m: trajectories a gradient, where sampled")
+    rollouts: int = Field(100, ge=1, le=1_000_000, description="m: trajectories per gradient, where sampled")
     rollout_start: RolloutStart = Field("initial", description="roll out from P_0, or where demonstrations began")
     reward: RewardSettings = Field(LinearRewardSettings(), description="the reward model")
     policy: PlannerSettings = Field(SoftValueIterationSettings(), description="how the policy is found")

@@ -22,8 +22,8 @@ class SoftQSettings(Settings):
     """A policy learned from episodes, starting from that of the iteration before."""
 
     kind: Literal["soft_q_learning"]
-    episodes: int = Field(200, ge=1, le=1_000_000, description="episodes a sweep")
-    sweeps: int = Field(4, ge=1, le=1000, description="sweeps an iteration, each with the newest policy")
+    episodes: int = Field(200, ge=1, le=1_000_000, description="episodes per sweep")
+    sweeps: int = Field(4, ge=1, le=1000, description="sweeps per iteration, each with the newest policy")
     exploration: float = Field(0.2, ge=0, le=1, description="share of actions drawn uniformly")
 
 

@@ -21,9 +21,9 @@ class SoftActorCriticSettings(Settings):
     kind: Literal["soft_actor_critic"]
     temperature: float = Field(0.02, gt=0, le=1000, description="tau: the policy is that of the reward divided by it")
     hidden: int = Field(128, ge=1, le=10_000, description="units of each of the two hidden layers")
-    steps: int = Field(150, ge=1, le=1_000_000, description="gradient steps a search")
+    steps: int = Field(150, ge=1, le=1_000_000, description="gradient steps per search")
     first_steps: int = Field(600, ge=1, le=1_000_000, description="gradient steps of the first search")
-    batch: int = Field(128, ge=1, le=1_000_000, description="transitions a gradient step")
+    batch: int = Field(128, ge=1, le=1_000_000, description="transitions per gradient step")
     capacity: int = Field(30_000, ge=1, le=10_000_000, description="transitions that are kept")
     rollouts: int = Field(32, ge=1, le=100_000, description="flights added to them in each search")
     learning_rate: float = Field(1e-3, gt=0, le=1, description="of the first search")

@@ -27,9 +27,9 @@ class PatrolSettings(Settings):
 
     kind: Literal["patrol"] = "patrol"
     map: str = Field(description="rows of '.' (free) and '#' (obstacle), all of one length")
-    starts: tuple[tuple[Cell, ...], ...] = Field(min_length=1, description="joint starts: one cell an expert each")
+    starts: tuple[tuple[Cell, ...], ...] = Field(min_length=1, description="joint starts: one cell per expert")
     start_probabilities: tuple[float, ...] | None = Field(None, description="of the joint starts; default: uniform")
-    goals: tuple[Cell, ...] = Field(min_length=1, description="one absorbing goal cell an expert, all different")
+    goals: tuple[Cell, ...] = Field(min_length=1, description="one absorbing goal cell per expert, all different")
     horizon: int = Field(ge=1, le=10_000, description="T: trajectories have T + 1 steps")
     discount: float = Field(0.95, gt=0, le=1, description="gamma")
     joint_scale: float = Field(1.0, gt=0, le=1000, description="of the features for sharing and swapping cells")
