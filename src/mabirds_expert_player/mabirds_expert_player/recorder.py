@@ -8,7 +8,6 @@ import numpy as np
 
 from mabirds_core.experiment.assembly import AnyGame, build_game
 from mabirds_core.experiment.file import Experiment
-from mabirds_core.extras import require
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.games.tabular.experts import KINDS, demonstrations
@@ -40,8 +39,7 @@ def expert_streams(experiment: Experiment, game: AnyGame) -> dict[str, Iterator[
     """The experts' demonstrations for each learner; each stream is drawn with a generator of its own."""
     settings = experiment.demonstrations
     if isinstance(game, DroneGame):
-        require("scipy", "pilots of drones", "mabirds_core[drones]")
-        from mabirds_core.games.drones.pilots import Pilots, pilot_demonstrations
+        from mabirds_core.games.drones.pilots import Pilots, pilot_demonstrations  # scipy is for pilots alone
 
         draw = partial(pilot_demonstrations, Pilots(game, settings.side), settings.per_learner)
     else:

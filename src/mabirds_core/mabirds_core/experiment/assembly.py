@@ -23,7 +23,6 @@ from mabirds_core.experiment.learning_settings import (
     SoftActorCriticSettings,
     SoftQSettings,
 )
-from mabirds_core.extras import require
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.rewards import DroneRewardModel, LinearDroneReward, NeuralDroneReward, TrueDroneReward
 from mabirds_core.games.drones.rollouts import SampledDroneExpectation
@@ -41,9 +40,6 @@ Game = PatrolGame | DroneGame
 
 JUDGE_SPACING = 0.3
 """Metres between the nodes on which the parameters of soft actor-critics are judged."""
-
-DRONES, SAC = "mabirds_core[drones]", "mabirds_core[sac]"
-"""What brings scipy, and what brings torch besides."""
 
 AnyGame = TabularGame | DroneGame
 """That can be learned from: an enumerable one, or one of drones."""
@@ -158,7 +154,6 @@ def drone_reward(experiment: Experiment, game: DroneGame, method: str | None = N
     if method == "me_gradient":
         return TrueDroneReward(game)
     if isinstance(settings, NeuralRewardSettings):
-        require("torch", "a neural reward of drones", SAC)
         return NeuralDroneReward(game, settings.hidden, settings.bound)
     return LinearDroneReward(game)
 
@@ -189,7 +184,6 @@ def _drone_finder(experiment: Experiment, game: DroneGame, reward: DroneRewardMo
     settings = experiment.algorithm.policy
     if isinstance(settings, LatticeSettings):
         return _lattice_finder(game, reward, settings.spacing, settings.temperature)
-    require("torch", "policies of kind soft_actor_critic", SAC)
     from mabirds_core.games.drones.soft_actor_critic import SacFinder  # torch takes a second to load, and 200 MB
 
     return SacFinder(game, reward, **settings.model_dump(exclude={"kind"}))
@@ -204,7 +198,6 @@ def _judge(experiment: Experiment, game: DroneGame, reward: DroneRewardModel) ->
 
 
 def _lattice_finder(game: DroneGame, reward: DroneRewardModel, spacing: float, temperature: float) -> PolicyFinder:
-    require("scipy", "policies of drones on a lattice", DRONES)
     from mabirds_core.games.drones.lattice import LatticeFinder  # scipy is for drones: patrols do without
 
     return LatticeFinder(game, reward, spacing, temperature)
