@@ -8,7 +8,7 @@ from mabirds_core.errors import ExperimentError, MabirdsError
 def require(library: str, purpose: str, extra: str, error: type[MabirdsError] = ExperimentError) -> None:
     """Raise ``error`` where ``library`` is not installed; ``extra``: what brings it, such as mabirds_core[drones].
 
-    It stands before the import, in the module that needs the library; modules that load without it import that late.
+    Called before a library is imported, which may take its time.
     """
     if find_spec(library) is None:
         raise error(f"{purpose}: expected the library {library}, which is not installed; pip install '{extra}'")

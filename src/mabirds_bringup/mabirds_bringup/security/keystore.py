@@ -16,17 +16,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.serialization import pkcs7
+from cryptography.x509.oid import NameOID
+
 from mabirds_bringup.security.permissions import Validity, governance_xml, permissions_xml
 from mabirds_bringup.security.policy import Access
-from mabirds_core.extras import require
 from mabirds_msgs_py.security import SecurityError
-
-require("cryptography", "keys and certificates", "mabirds_bringup[security]", SecurityError)
-from cryptography import x509  # noqa: E402 - what brings it was said first
-from cryptography.hazmat.primitives import hashes, serialization  # noqa: E402
-from cryptography.hazmat.primitives.asymmetric import ec  # noqa: E402
-from cryptography.hazmat.primitives.serialization import pkcs7  # noqa: E402
-from cryptography.x509.oid import NameOID  # noqa: E402
 
 ENCLAVES, PUBLIC, PRIVATE = "enclaves", "public", "private"
 GOVERNANCE = "governance.p7s"

@@ -10,15 +10,12 @@ from itertools import pairwise
 from typing import NamedTuple, Self
 
 import numpy as np
+import torch
 from numpy.typing import ArrayLike
+from torch import Tensor
 
-from mabirds_core.extras import require
 from mabirds_core.games.drones.dynamics import DroneDynamics
 from mabirds_core.games.drones.game import DroneGame
-
-require("torch", "policies of kind soft_actor_critic", "mabirds_core[sac]")
-import torch  # noqa: E402 - what brings it was said first
-from torch import Tensor  # noqa: E402
 
 LOG_DEVIATIONS = (-4.0, 1.0)
 """Bounds of the logarithm of the deviation of an action before it is squashed."""

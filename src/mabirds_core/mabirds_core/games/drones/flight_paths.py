@@ -13,15 +13,12 @@ from functools import cache, cached_property
 from typing import Self
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
 
 from mabirds_core.arrays import Array, Indices, Mask
-from mabirds_core.extras import require
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.geometry import closest_approach, swept_distance
-
-require("scipy", "pilots of drones", "mabirds_core[drones]")
-from scipy.sparse import coo_array  # noqa: E402 - what brings it was said first
-from scipy.sparse.csgraph import dijkstra  # noqa: E402
 
 Side = int
 """On which side of a pillar to pass it, seen along the way: LEFT or RIGHT."""

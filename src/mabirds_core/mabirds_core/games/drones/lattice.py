@@ -22,17 +22,14 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from mabirds_core.arrays import Array, Indices, Mask, Vector
-from mabirds_core.extras import require
 from mabirds_core.games.drones.features import DroneReward
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.rewards import DroneRewardModel
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.planners.interface import Policy
-
-require("scipy", "policies of drones on a lattice", "mabirds_core[drones]")
-from scipy.sparse import csr_array  # noqa: E402 - what brings it was said first
 
 RINGS = ((0.0, 1), (0.5, 8), (1.0, 16))
 """Speeds, as shares of the largest, and how many directions each has."""

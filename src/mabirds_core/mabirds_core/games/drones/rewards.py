@@ -6,7 +6,6 @@ from typing import Any, Protocol
 import numpy as np
 
 from mabirds_core.arrays import Array, Vector
-from mabirds_core.extras import require
 from mabirds_core.games.drones.features import DroneReward
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.interface import Visitation
@@ -59,10 +58,6 @@ class NeuralDroneReward:
     hidden: int
     bound: float
     """C."""
-
-    def __post_init__(self) -> None:
-        """Whether there is torch, which is loaded when it is needed."""
-        require("torch", "a neural reward of drones", "mabirds_core[sac]")
 
     @property
     def size(self) -> int:

@@ -25,10 +25,11 @@ from dataclasses import dataclass
 from typing import NamedTuple, TypeGuard
 
 import numpy as np
+import torch
+from torch import Tensor
 
 from mabirds_core.arrays import Array, Vector
 from mabirds_core.errors import CheckpointError, ExperimentError
-from mabirds_core.extras import require
 from mabirds_core.games.drones.actor_critic_networks import Adam, Networks, squashed
 from mabirds_core.games.drones.features import total_reward
 from mabirds_core.games.drones.game import DroneGame
@@ -37,10 +38,6 @@ from mabirds_core.games.drones.rewards import DroneRewardModel
 from mabirds_core.games.drones.rollouts import drone_rollouts
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.planners.interface import Policy
-
-require("torch", "policies of kind soft_actor_critic", "mabirds_core[sac]")
-import torch  # noqa: E402 - what brings it was said first
-from torch import Tensor  # noqa: E402
 
 SMOOTHING = 0.02
 """rho."""
@@ -209,8 +206,8 @@ class SacFinder:
 
     def _rewards(self, theta: Vector, omega: Vector, states: Array, actions: Array) -> Vector:
         """r(s, a), shape (M,)."""
-        own = total_reward(self.game, self.reward_model, theta, states, actions)
-        return own + total_reward(self.game, self.game.cost_features, omega, states, actions)
+        own = total_reward(self.game.space, self.reward_model, theta, states, actions)
+        return own + total_reward(self.game.space, self.game.cost_features, omega, states, actions)
 
     def _step(self, networks: Networks, learned: ActorCritic, batch: Minibatch, rate: float) -> ActorCritic:
         """One step of the critics, then one of the actor, then the targets follow."""
