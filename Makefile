@@ -39,5 +39,5 @@ colcon: ## build and test ros_ws with colcon, and hear a node of its install tre
 
 clean: ## remove .venv and everything else that was built (runs/ stays)
 	rm -rf .venv build ros_ws/build ros_ws/install ros_ws/log .pytest_cache .ruff_cache .mypy_cache .hypothesis
-	rm -rf src/*/build src/*/*.egg-info
+	rm -rf src/*/build src/*/*.egg-info packaging/*/build packaging/*/*.egg-info
 	find src ros_ws tests tools -name __pycache__ -prune -exec rm -rf {} +

@@ -8,9 +8,9 @@ from damage import examples, outcome
 
 from mabirds_core.arrays import Array
 from mabirds_core.errors import CheckpointError
-from mabirds_learner.checkpoint import CheckpointStore, Owner
+from mabirds_learner.checkpoint import CheckpointMetadata, CheckpointStore
 
-OWNER = Owner("learner_1", "experiment", "schedule")
+OWNER = CheckpointMetadata("learner_1", "experiment", "schedule")
 SOUND = {"theta": np.linspace(-3, 3, 40), "omega": np.linspace(0, -9, 30), "recent.0.states": np.ones((8, 4))}
 BYTES = pytest.mark.parametrize(
     ("seed", "count"), [(1, 150), *(pytest.param(seed, 3000, marks=pytest.mark.slow) for seed in range(2, 5))]

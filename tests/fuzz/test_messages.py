@@ -19,8 +19,10 @@ from mabirds_core.errors import MabirdsError, RefusedMessageError
 from mabirds_core.experiment.assembly import build_learner, build_method
 from mabirds_core.experiment.simulate import simulate_central
 from mabirds_learner.central_session import CentralSession
-from mabirds_learner.inbox import accept
-from mabirds_learner.session import StrictSession
+from mabirds_learner.inbox import check_iteration
+from mabirds_learner.learner_session import LearnerSession
+from mabirds_learner.member import Limits
+from mabirds_learner.strict_member import StrictMember
 from mabirds_msgs_py.conversion import arrays, read_schedule
 
 REASONS = {
@@ -114,7 +116,7 @@ def test_a_schedule_message_is_what_its_digest_says_or_refused(truth: Truth, exa
 class Fed:
     """A session that gets messages as its node does, and counts refusals."""
 
-    def __init__(self, truth: Truth, session: StrictSession | CentralSession) -> None:
+    def __init__(self, truth: Truth, session: LearnerSession[StrictMember] | CentralSession) -> None:
         self.truth, self.session = truth, session
         self.found = [session.parameters]
         self.dropped: Counter[str] = Counter()
@@ -131,9 +133,9 @@ class Fed:
 
     def _receive(self, sender: str, message: Any) -> None:
         if isinstance(message, ParametersMessage):
-            assert isinstance(self.session, StrictSession)
+            assert isinstance(self.session, LearnerSession)
             parameters = self.truth.read_parameters(sender, message)
-            self.session.receive_parameters(self.truth.experiment.index_of(sender), message.iteration, parameters)
+            self.session.member.receive_parameters(sender, message.iteration, parameters)
             return
         trajectory = self.truth.read_demonstration(sender, message)
         if isinstance(self.session, CentralSession):
@@ -142,8 +144,9 @@ class Fed:
             self.session.receive_demonstration(message.iteration, trajectory)
 
 
-def strict_session(truth: Truth) -> StrictSession:
-    return StrictSession(build_learner(truth.experiment, "learner_1", truth.game), truth.experiment.iterations, 10, 64)
+def strict_session(truth: Truth) -> LearnerSession[StrictMember]:
+    learner = build_learner(truth.experiment, "learner_1", truth.game)
+    return LearnerSession(StrictMember(learner, Limits(truth.experiment.iterations, 10, 64)))
 
 
 @SESSIONS
@@ -201,10 +204,10 @@ ONE, OTHER = (Parameters(np.array([1.0, value]), np.zeros(1)) for value in (0.0,
 def test_a_repetition_is_told_from_a_contradiction(iteration: int, content: Parameters, reason: str, text: str) -> None:
     """Minus zero is another content than zero: bits are compared."""
     with pytest.raises(RefusedMessageError) as refused:
-        accept(iteration, 5, {6: ONE}, 10, content)
+        check_iteration(iteration, 5, {6: ONE}, 10, content)
     assert (refused.value.reason, str(refused.value)) == (reason, text)
-    accept(5, 5, {6: ONE}, 10, content)
-    accept(14, 5, {6: ONE}, 10, content)
+    check_iteration(5, 5, {6: ONE}, 10, content)
+    check_iteration(14, 5, {6: ONE}, 10, content)
 
 
 def test_the_first_of_two_contents_stays_and_the_second_is_counted(truth: Truth) -> None:

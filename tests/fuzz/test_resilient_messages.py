@@ -10,9 +10,11 @@ from truth import Truth
 
 from mabirds_core.consensus.push_sum import RunningSum
 from mabirds_core.errors import RefusedMessageError
-from mabirds_core.experiment.assembly import build_resilient_learner
+from mabirds_core.experiment.assembly import build_learner
 from mabirds_core.experiment.file import Experiment
-from mabirds_learner.resilient_session import ResilientSession
+from mabirds_learner.learner_session import LearnerSession
+from mabirds_learner.member import Limits
+from mabirds_learner.push_sum_member import PushSumMember
 from mabirds_msgs_py.mass_conversion import mass_message, read_mass, read_membership
 
 NAMES = ["learner_1", "learner_2"]
@@ -35,18 +37,18 @@ changes = st.fixed_dictionaries(
 )
 
 
-def session_of(experiment: Experiment) -> tuple[Experiment, ResilientSession]:
+def session_of(experiment: Experiment) -> tuple[Experiment, LearnerSession[PushSumMember]]:
     resilient = Experiment.model_validate({**experiment.model_dump(mode="json"), "mixing": {"kind": "resilient"}})
-    learner = build_resilient_learner(resilient, "learner_1")
-    return resilient, ResilientSession(learner, resilient.iterations, 256, 8)
+    learner = build_learner(resilient, "learner_1")
+    return resilient, LearnerSession(PushSumMember(learner, Limits(resilient.iterations, 256, 8)))
 
 
-def receive(session: ResilientSession, experiment: Experiment, message: Mass) -> str | None:
+def receive(session: LearnerSession[PushSumMember], experiment: Experiment, message: Mass) -> str | None:
     """As the node does; why it was refused, or None."""
     digests = experiment.digest, experiment.edge_schedule.digest
     try:
-        total = read_mass(message, "learner_2", "learner_1", *digests, session.state.ledger.own.size)
-        session.receive_sum("learner_2", message.epoch, message.iteration, total)
+        total = read_mass(message, "learner_2", "learner_1", *digests, session.member.push_sum.mass.size)
+        session.member.receive_mass("learner_2", message.epoch, message.iteration, total)
     except RefusedMessageError as error:
         return f"{error.reason}: {error}"
     return None
@@ -56,17 +58,17 @@ def receive(session: ResilientSession, experiment: Experiment, message: Mass) ->
 @given(change=changes, epoch=st.integers(0, 2**32 - 1) | st.just(1), iteration=st.integers(0, 2**64 - 1) | st.just(1))
 def test_a_refused_mass_changes_nothing(truth: Truth, change: dict[str, Any], epoch: int, iteration: int) -> None:
     experiment, session = session_of(truth.experiment)
-    size = session.state.ledger.own.size
+    size = session.member.push_sum.mass.size
     message = mass_message("learner_2", "learner_1", epoch, iteration, RunningSum.zero(size).plus(np.ones(size)))
     message.experiment_digest, message.schedule_digest = experiment.digest, experiment.edge_schedule.digest
     for name, value in change.items():
         setattr(message, name, value)
-    before = session.parameters.theta.tobytes(), session.weights(), session._newest(session.last)
+    before = session.parameters.theta.tobytes(), session.member.metrics(), session.member._newest(session.last)
     refusal = receive(session, experiment, message)
     if refusal is not None:
         assert len(refusal) < LONGEST
-        assert (session.parameters.theta.tobytes(), session.weights()) == before[:2]
-        assert session._newest(session.last) == before[2]
+        assert (session.parameters.theta.tobytes(), session.member.metrics()) == before[:2]
+        assert session.member._newest(session.last) == before[2]
 
 
 @IN_ONE_EXPERIMENT
@@ -77,12 +79,12 @@ def test_a_declaration_is_followed_or_refused(truth: Truth, members: list[str], 
     message = Membership(experiment_digest=digest, epoch=epoch, members=members)
     refusal = None
     try:
-        session.follow(message.epoch, read_membership(message, experiment.digest))
+        session.member.follow(message.epoch, read_membership(message, experiment.digest))
     except RefusedMessageError as error:
         refusal = str(error)
     if refusal is None:
         assert ours
-        assert (session.epoch, set(session.members)) == (epoch, set(members))
+        assert (session.epoch, set(session.member.members)) == (epoch, set(members))
     else:
         assert len(refusal) < LONGEST
-        assert (session.epoch, list(session.members)) == (1, NAMES)
+        assert (session.epoch, list(session.member.members)) == (1, NAMES)

@@ -13,9 +13,9 @@ import pytest
 
 from mabirds_core.arrays import Array
 from mabirds_core.errors import CheckpointError
-from mabirds_learner.checkpoint import CheckpointStore, Owner
+from mabirds_learner.checkpoint import CheckpointMetadata, CheckpointStore
 
-OWNER = Owner("learner_1", "experiment", "schedule")
+OWNER = CheckpointMetadata("learner_1", "experiment", "schedule")
 
 
 def arrays(iteration: int) -> dict[str, Array]:
@@ -32,7 +32,7 @@ def directory(tmp_path: Path) -> Path:
     return tmp_path / "learner_1"
 
 
-def reopened(directory: Path, owner: Owner = OWNER) -> CheckpointStore:
+def reopened(directory: Path, owner: CheckpointMetadata = OWNER) -> CheckpointStore:
     return CheckpointStore(directory, owner, keep=4)
 
 
@@ -123,7 +123,9 @@ def test_a_damaged_one_is_refused_by_name_and_the_previous_one_used(
         (replace(OWNER, schedule_digest="other"), "schedule_digest is 'schedule', expected 'other'"),
     ],
 )
-def test_a_directory_of_somebody_else_is_refused_as_a_whole(directory: Path, owner: Owner, words: str) -> None:
+def test_a_directory_of_somebody_else_is_refused_as_a_whole(
+    directory: Path, owner: CheckpointMetadata, words: str
+) -> None:
     with pytest.raises(CheckpointError, match="no checkpoint can be used .*name another directory, or delete") as error:
         reopened(directory, owner).load()
     assert words in str(error.value)
@@ -179,8 +181,8 @@ WRITER = """
 import sys
 from pathlib import Path
 import numpy as np
-from mabirds_learner.checkpoint import CheckpointStore, Owner
-store = CheckpointStore(Path(sys.argv[1]), Owner("learner_1", "experiment", "schedule"), keep=4)
+from mabirds_learner.checkpoint import CheckpointMetadata, CheckpointStore
+store = CheckpointStore(Path(sys.argv[1]), CheckpointMetadata("learner_1", "experiment", "schedule"), keep=4)
 for iteration in range(1, 100_000):
     store.save(iteration, {"theta": np.full(20_000, float(iteration))})
     print(iteration, flush=True)

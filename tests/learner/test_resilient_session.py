@@ -1,4 +1,4 @@
-"""Resilient mode without ROS: late neighbours, epochs, newcomers, and going on from checkpoints."""
+"""Resilient mode without ROS: late neighbours, epochs, late joiners, and going on from checkpoints."""
 
 import random
 from collections.abc import Callable
@@ -11,11 +11,13 @@ import pytest
 
 from mabirds_core.consensus.push_sum import RunningSum
 from mabirds_core.errors import RefusedMessageError
-from mabirds_core.experiment.assembly import build_game, build_resilient_learner
+from mabirds_core.experiment.assembly import build_game, build_learner
 from mabirds_core.experiment.file import Experiment, load_experiment
-from mabirds_core.experiment.simulate import simulate_resilient
+from mabirds_core.experiment.simulate import simulate
 from mabirds_core.games.interface import Trajectories
-from mabirds_learner.resilient_session import ResilientSession
+from mabirds_learner.learner_session import LearnerSession
+from mabirds_learner.member import Limits
+from mabirds_learner.push_sum_member import PushSumMember
 from mabirds_msgs_py.bag_reader import DemonstrationBag
 
 Streams = dict[str, list[Trajectories]]
@@ -36,8 +38,9 @@ def streams(experiment: Experiment) -> Streams:
         return {name: list(bag.trajectories(name)) for name in experiment.learners}
 
 
-def new_session(experiment: Experiment, name: str, history: int = 64, **options: Any) -> ResilientSession:
-    return ResilientSession(build_resilient_learner(experiment, name), experiment.iterations, 256, history, **options)
+def new_session(experiment: Experiment, name: str, history: int = 64, **options: Any) -> LearnerSession[PushSumMember]:
+    limits = Limits(experiment.iterations, 256, history)
+    return LearnerSession(PushSumMember(build_learner(experiment, name), limits, **options))
 
 
 class LossyNetwork:
@@ -50,19 +53,19 @@ class LossyNetwork:
 
     def tell(self, name: str) -> None:
         session = self.sessions[name]
-        for receiver, total in session.given().items():
+        for receiver, total in session.member.outgoing().items():
             if self.rng.random() < self.loss or receiver not in self.sessions:
                 self.lost += 1
                 continue
             with suppress(RefusedMessageError):  # told again, or contained in what was taken
-                self.sessions[receiver].receive_sum(name, session.epoch, session.iteration, total)
+                self.sessions[receiver].member.receive_mass(name, session.epoch, session.iteration, total)
 
     def update(self, name: str) -> None:
         session = self.sessions[name]
         if not session.finished and session.missing_demonstration:
             session.receive_demonstration(session.iteration, self.streams[name][session.iteration - 1])
         if not session.ready:
-            session.stop_waiting()
+            session.member.give_up_waiting()
         if session.ready:
             session.step()
 
@@ -75,18 +78,18 @@ class LossyNetwork:
 
     def weight(self) -> float:
         """All weight there is: held, and under way."""
-        ledgers = {name: session.state.ledger for name, session in self.sessions.items()}
+        states = {name: session.member.push_sum for name, session in self.sessions.items()}
         under_way = sum(
-            one.since(ledgers[receiver].taken.get(sender, RunningSum.zero(one.total.size)))[-1]
-            for sender, ledger in ledgers.items()
-            for receiver, one in ledger.given.items()
+            sent.since(states[receiver].received.get(sender, RunningSum.zero(sent.total.size)))[-1]
+            for sender, state in states.items()
+            for receiver, sent in state.sent.items()
         )
-        return float(under_way + sum(ledger.weight for ledger in ledgers.values()))
+        return float(under_way + sum(state.weight for state in states.values()))
 
 
 def test_in_step_and_without_loss_it_is_the_reference(experiment: Experiment, streams: Streams) -> None:
     network = LossyNetwork(experiment, streams, seed=0, loss=0.0)
-    expected = simulate_resilient(experiment, streams)
+    expected = simulate(experiment, streams)
     for n in range(1, experiment.iterations + 1):
         for name in NAMES:
             network.tell(name)
@@ -112,27 +115,27 @@ def test_a_sum_ahead_of_its_time_waits(experiment: Experiment, streams: Streams)
     network = LossyNetwork(experiment, streams, seed=0, loss=0.0)
     session = network.sessions["learner_1"]
     session.receive_demonstration(1, streams["learner_1"][0])
-    size = session.state.ledger.own.size
-    session.receive_sum("learner_2", 1, 2, RunningSum.zero(size).plus(np.ones(size)))
-    session.stop_waiting()
-    assert session.weights()["weight"] == pytest.approx(1 / 3)
+    size = session.member.push_sum.mass.size
+    session.member.receive_mass("learner_2", 1, 2, RunningSum.zero(size).plus(np.ones(size)))
+    session.member.give_up_waiting()
+    assert session.member.metrics()["weight"] == pytest.approx(1 / 3)
     session.step()
     assert session.mixed_from == []
-    session.stop_waiting()
+    session.member.give_up_waiting()
     session.receive_demonstration(2, streams["learner_1"][1])
     session.step()
     assert session.mixed_from == ["learner_2"]
-    assert session.weights()["weight_taken.learner_2"] == 1.0
+    assert session.member.metrics()["weight_received.learner_2"] == 1.0
 
 
 def test_only_a_neighbour_that_is_there_is_waited_for(experiment: Experiment) -> None:
     session = new_session(experiment, "learner_1")
     assert session.waiting_for() == ["demonstration", "learner_2", "learner_4"]
-    session.set_gone("learner_4", gone=True)
+    session.member.set_alive("learner_4", alive=False)
     assert session.missing_neighbours() == ["learner_2"]
-    session.set_gone("learner_4", gone=False)
+    session.member.set_alive("learner_4", alive=True)
     assert session.missing_neighbours() == ["learner_2", "learner_4"]
-    session.stop_waiting()
+    session.member.give_up_waiting()
     assert session.missing_neighbours() == []
 
 
@@ -153,20 +156,20 @@ def test_what_is_known_or_out_of_reach_is_not_taken(
     experiment: Experiment, epoch: int, iteration: int, reason: str
 ) -> None:
     session = new_session(experiment, "learner_1")
-    size = session.state.ledger.own.size
-    session.receive_sum("learner_2", 1, 3, RunningSum.zero(size))
-    session._taken_at["learner_2"] = 2
+    size = session.member.push_sum.mass.size
+    session.member.receive_mass("learner_2", 1, 3, RunningSum.zero(size))
+    session.member._received_at["learner_2"] = 2
     with pytest.raises(RefusedMessageError) as error:
-        session.receive_sum("learner_2", epoch, iteration, RunningSum.zero(size))
+        session.member.receive_mass("learner_2", epoch, iteration, RunningSum.zero(size))
     assert error.value.reason == reason
 
 
 def test_old_sums_make_room_for_new_ones(experiment: Experiment) -> None:
     session = new_session(experiment, "learner_1", history=5)
-    size = session.state.ledger.own.size
+    size = session.member.push_sum.mass.size
     for n in range(1, 11):
-        session.receive_sum("learner_2", 1, n, RunningSum.zero(size).plus(np.full(size, float(n))))
-    assert sorted(session._inbox["learner_2"]) == [6, 7, 8, 9, 10]
+        session.member.receive_mass("learner_2", 1, n, RunningSum.zero(size).plus(np.full(size, float(n))))
+    assert sorted(session.member._inbox["learner_2"]) == [6, 7, 8, 9, 10]
 
 
 def test_survivors_go_on_after_a_declared_departure(experiment: Experiment, streams: Streams) -> None:
@@ -178,43 +181,43 @@ def test_survivors_go_on_after_a_declared_departure(experiment: Experiment, stre
     departed = network.sessions.pop("learner_4")
     for session in network.sessions.values():
         estimate = session.parameters
-        session.follow(2, ["learner_1", "learner_2", "learner_3"])
+        session.member.follow(2, ["learner_1", "learner_2", "learner_3"])
         np.testing.assert_array_equal(session.parameters.theta, estimate.theta)
     network.run()
     assert network.weight() == pytest.approx(3, abs=1e-12)
     assert all(session.iteration == 21 for session in network.sessions.values())
-    departed.follow(2, ["learner_1", "learner_2", "learner_3"])
+    departed.member.follow(2, ["learner_1", "learner_2", "learner_3"])
     assert departed.finished
-    assert departed.given() == {}
+    assert departed.member.outgoing() == {}
 
 
-def test_a_newcomer_enters_without_mass_at_the_iteration_of_the_others(
+def test_a_late_joiner_enters_without_mass_at_the_iteration_of_the_others(
     experiment: Experiment, streams: Streams
 ) -> None:
     founders = ["learner_1", "learner_2", "learner_3"]
     network = LossyNetwork(experiment, streams, seed=2, loss=0.0)
     del network.sessions["learner_4"]
     for session in network.sessions.values():
-        session.follow(2, founders)
+        session.member.follow(2, founders)
     while min(session.iteration for session in network.sessions.values()) < 10:
         name = network.rng.choice(founders)
         network.tell(name)
         network.update(name)
-    newcomer = new_session(experiment, "learner_4", newcomer=True)
-    assert newcomer.waiting_for()[-1] == "membership"
-    network.sessions["learner_4"] = newcomer
+    late_joiner = new_session(experiment, "learner_4", late_joiner=True)
+    assert late_joiner.waiting_for()[-1] == "membership"
+    network.sessions["learner_4"] = late_joiner
     for session in network.sessions.values():
-        session.follow(3, list(NAMES))
+        session.member.follow(3, list(NAMES))
     assert network.weight() == pytest.approx(3)
-    assert newcomer.state.ledger.weight == 0.0
-    assert newcomer.joining
+    assert late_joiner.member.push_sum.weight == 0.0
+    assert late_joiner.member.joining
     network.tell("learner_3")
     giver = network.sessions["learner_3"]
-    assert (newcomer.joining, newcomer.iteration) == (False, giver.iteration)
-    np.testing.assert_allclose(newcomer.parameters.theta, giver.parameters.theta, rtol=1e-9, atol=1e-12)
+    assert (late_joiner.member.joining, late_joiner.iteration) == (False, giver.iteration)
+    np.testing.assert_allclose(late_joiner.parameters.theta, giver.parameters.theta, rtol=1e-9, atol=1e-12)
     network.run()
     assert network.weight() == pytest.approx(3, abs=1e-12)
-    assert newcomer.iteration == 21
+    assert late_joiner.iteration == 21
 
 
 @pytest.mark.parametrize(
@@ -234,9 +237,9 @@ def test_declarations_that_cannot_be_followed_are_refused(
 ) -> None:
     session = new_session(experiment, "learner_1")
     with pytest.raises(RefusedMessageError, match=words) as error:
-        session.follow(epoch, members)
+        session.member.follow(epoch, members)
     assert error.value.reason == reason
-    assert (session.epoch, session.members) == (1, NAMES)
+    assert (session.epoch, session.member.members) == (1, NAMES)
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -250,8 +253,12 @@ def test_restarts_lose_no_mass(experiment: Experiment, streams: Streams, seed: i
         if network.rng.random() < 0.3:
             session = network.sessions[name]
             again = new_session(experiment, name)
-            again.resume({session.iteration: {key: values.copy() for key, values in session.arrays().items()}})
-            assert again.weights() == session.weights()
-            assert (again.epoch, again.members, again._taken_at) == (1, NAMES, session._taken_at)
+            again.restore({session.iteration: {key: values.copy() for key, values in session.arrays().items()}})
+            assert again.member.metrics() == session.member.metrics()
+            assert (again.epoch, again.member.members, again.member._received_at) == (
+                1,
+                NAMES,
+                session.member._received_at,
+            )
             network.sessions[name] = again
     assert network.weight() == pytest.approx(4, abs=1e-12)

@@ -15,7 +15,9 @@ from mabirds_core.experiment.file import Experiment, load_experiment
 from mabirds_core.experiment.simulate import History, simulate
 from mabirds_core.games.interface import Trajectories
 from mabirds_learner.checkpoint import LASTING
-from mabirds_learner.session import StrictSession
+from mabirds_learner.learner_session import LearnerSession
+from mabirds_learner.member import Limits
+from mabirds_learner.strict_member import StrictMember
 from mabirds_msgs_py.bag_reader import DemonstrationBag
 
 CHANGES: dict[str, dict[str, Any]] = {
@@ -26,8 +28,9 @@ CHANGES: dict[str, dict[str, Any]] = {
 }
 
 
-def new_session(experiment: Experiment) -> StrictSession:
-    return StrictSession(build_learner(experiment, "learner_1"), experiment.iterations, 256, 64)
+def new_session(experiment: Experiment) -> LearnerSession[StrictMember]:
+    limits = Limits(experiment.iterations, 256, 64)
+    return LearnerSession(StrictMember(build_learner(experiment, "learner_1"), limits))
 
 
 def demonstrations(experiment: Experiment) -> dict[str, list[Trajectories]]:
@@ -35,11 +38,11 @@ def demonstrations(experiment: Experiment) -> dict[str, list[Trajectories]]:
         return {name: list(bag.trajectories(name)) for name in experiment.learners}
 
 
-def advance(session: StrictSession, streams: dict[str, list[Trajectories]], expected: History) -> None:
+def advance(session: LearnerSession[StrictMember], streams: dict[str, list[Trajectories]], expected: History) -> None:
     """One update with what learner_2 and the player would have sent."""
     n = session.iteration
     session.receive_demonstration(n, streams["learner_1"][n - 1])
-    session.receive_parameters(1, n, expected["learner_2"][n - 1])
+    session.member.receive_parameters("learner_2", n, expected["learner_2"][n - 1])
     session.step()
 
 
@@ -64,7 +67,7 @@ def check_restarts(experiment: Experiment) -> None:
         checkpoints = {n: {name: arrays[name] for name in LASTING} for n, arrays in checkpoints.items()}
         checkpoints[session.iteration] = {name: values.copy() for name, values in session.arrays().items()}
         session = new_session(experiment)
-        session.resume(checkpoints)
+        session.restore(checkpoints)
         assert bits(session.parameters) == bits(expected["learner_1"][session.iteration - 1])
         assert session.mixed_from == ["learner_2"]
         assert {n: bits(own) for n, own in session.kept.items()} == {
@@ -102,18 +105,18 @@ def test_arrays_that_do_not_fit_are_refused(
     sound = a_checkpoint(experiment)
     assert name in sound
     with pytest.raises(MabirdsError, match=words):
-        new_session(experiment).resume({4: {**sound, name: values}})
+        new_session(experiment).restore({4: {**sound, name: values}})
 
 
 def test_a_value_too_large_is_refused(experiment: Experiment) -> None:
     sound = a_checkpoint(experiment)
     sound["omega"] = sound["omega"] + 1e200
     with pytest.raises(CheckpointError, match="omega: expected"):
-        new_session(experiment).resume({4: sound})
+        new_session(experiment).restore({4: sound})
 
 
 def test_what_lasts_of_a_checkpoint_is_no_place_to_go_on_from(experiment: Experiment) -> None:
     """With theta and omega alone, the window and the policy would be lost without a word."""
     lasting = {name: values for name, values in a_checkpoint(experiment).items() if name in LASTING}
     with pytest.raises(CheckpointError, match="no checkpoint is whole"):
-        new_session(experiment).resume({4: lasting})
+        new_session(experiment).restore({4: lasting})

@@ -16,15 +16,17 @@ from mabirds_core.experiment.assembly import build_game, build_learner
 from mabirds_core.experiment.file import Experiment, load_experiment
 from mabirds_core.experiment.simulate import simulate
 from mabirds_core.games.interface import Trajectories
-from mabirds_learner.learner_session import DEMONSTRATION
-from mabirds_learner.session import StrictSession
+from mabirds_learner.learner_session import DEMONSTRATION, LearnerSession
+from mabirds_learner.member import Limits
+from mabirds_learner.strict_member import StrictMember
 from mabirds_msgs_py.bag_reader import DemonstrationBag
 
 SLOTS = {"kind": "slots", "slots": [[["learner_1", "learner_2"], ["learner_2", "learner_1"]], []]}
 
 
-def session(experiment: Experiment, name: str = "learner_1", history: int = 64) -> StrictSession:
-    return StrictSession(build_learner(experiment, name), experiment.iterations, 10, history)
+def session(experiment: Experiment, name: str = "learner_1", history: int = 64) -> LearnerSession[StrictMember]:
+    limits = Limits(experiment.iterations, 10, history)
+    return LearnerSession(StrictMember(build_learner(experiment, name), limits))
 
 
 def demonstrations(experiment: Experiment) -> dict[str, list[Trajectories]]:
@@ -41,13 +43,13 @@ def messages(experiment: Experiment) -> Iterator[tuple[str, int, object]]:
         yield "learner_2", iteration, history["learner_2"][iteration - 1]
 
 
-def deliver(target: StrictSession, kind: str, iteration: int, content: object) -> None:
+def deliver(target: LearnerSession[StrictMember], kind: str, iteration: int, content: object) -> None:
     if kind == DEMONSTRATION:
         assert isinstance(content, Trajectories)
         target.receive_demonstration(iteration, content)
     else:
         assert isinstance(content, Parameters)
-        target.receive_parameters(1, iteration, content)
+        target.member.receive_parameters("learner_2", iteration, content)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -168,14 +170,14 @@ def test_no_learner_runs_further_ahead_than_the_bound(
 
 def test_closing_rounds_wait_for_neighbours_and_for_no_demonstration(experiment: Experiment) -> None:
     learner, streams = build_learner(experiment, "learner_1"), demonstrations(experiment)
-    session = StrictSession(learner, 1, 256, 64, closing_rounds=1)
+    session = LearnerSession(StrictMember(learner, Limits(1, 256, 64, closing_rounds=1)))
     session.receive_demonstration(1, streams["learner_1"][0])
-    session.receive_parameters(1, 1, session.parameters)
+    session.member.receive_parameters("learner_2", 1, session.parameters)
     assert set(session.step()) == {"gradient_theta_norm", "gradient_omega_norm"}
     assert (session.finished, session.missing_demonstration, session.waiting_for()) == (False, False, ["learner_2"])
     other = Parameters(session.parameters.theta + 2, session.parameters.omega + 4)
     expected = session.parameters.theta + 1, session.parameters.omega + 2
-    session.receive_parameters(1, 2, other)
+    session.member.receive_parameters("learner_2", 2, other)
     assert session.ready
     assert session.step() == {}
     np.testing.assert_allclose(session.parameters.theta, expected[0], atol=1e-12)
@@ -186,6 +188,6 @@ def test_closing_rounds_wait_for_neighbours_and_for_no_demonstration(experiment:
 def test_the_lag_is_how_far_a_neighbour_is_ahead(experiment: Experiment) -> None:
     target = session(experiment)
     assert target.lag == 0
-    target.receive_parameters(1, 4, target.state.parameters)
-    target.receive_parameters(1, 1, target.state.parameters)
+    target.member.receive_parameters("learner_2", 4, target.state.parameters)
+    target.member.receive_parameters("learner_2", 1, target.state.parameters)
     assert target.lag == 3

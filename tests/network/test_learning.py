@@ -104,7 +104,7 @@ def test_two_runs_in_one_domain_do_not_mix(make_experiment: Callable[..., Path],
     for run, file in files.items():
         expected = simulate_from_bag(load_experiment(file))
         for node in learners[run]:
-            assert bits(node.session.state.parameters) == bits(expected[node.own_name][-1])
+            assert bits(node.session.state.parameters) == bits(expected[node.learner_name][-1])
 
 
 def test_mixing_follows_the_schedule_at_every_iteration(make_experiment: Callable[..., Path], nodes: Any) -> None:

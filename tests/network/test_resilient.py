@@ -77,10 +77,10 @@ def test_learners_go_on_without_one_that_never_starts(make_resilient: Callable[.
     learners = [nodes.learner(file, name) for name in NAMES[:3]]
     nodes.player(file, hz=50.0)
     nodes.spin_until(lambda: all(node.session.finished for node in learners))
-    assert learners[0].session.weights()["weight_given.learner_4"] > 0.1
+    assert learners[0].session.member.metrics()["weight_sent.learner_4"] > 0.1
 
 
-def test_a_departure_is_declared_and_a_newcomer_enters(make_resilient: Callable[..., Path], nodes: Any) -> None:
+def test_a_departure_is_declared_and_a_late_joiner_enters(make_resilient: Callable[..., Path], nodes: Any) -> None:
     file = make_resilient(patience=0.2, iterations=40)
     founders = [nodes.learner(file, name) for name in NAMES[:3]]
     person = Declarations(nodes, file)
@@ -88,14 +88,14 @@ def test_a_departure_is_declared_and_a_newcomer_enters(make_resilient: Callable[
     person.declare(2, *NAMES[:3])
     nodes.spin_until(lambda: all(node.session.epoch == 2 for node in founders))
     nodes.spin_until(lambda: all(node.session.iteration >= 5 for node in founders))
-    newcomer = nodes.learner(file, "learner_4", newcomer=True)
-    assert newcomer.session.epoch == 0
+    late_joiner = nodes.learner(file, "learner_4", late_joiner=True)
+    assert late_joiner.session.epoch == 0
     person.declare(3, *NAMES)
-    nodes.spin_until(lambda: newcomer.session.epoch == 3 and not newcomer.session.joining)
-    assert newcomer.session.iteration >= 5
-    nodes.spin_until(lambda: all(node.session.finished for node in [*founders, newcomer]) and player.done)
+    nodes.spin_until(lambda: late_joiner.session.epoch == 3 and not late_joiner.session.member.joining)
+    assert late_joiner.session.iteration >= 5
+    nodes.spin_until(lambda: all(node.session.finished for node in [*founders, late_joiner]) and player.done)
     nodes.spin_until(lambda: all(person.statuses[name].epoch == 3 for name in NAMES))
-    last = [node.session.parameters.theta for node in [*founders, newcomer]]
+    last = [node.session.parameters.theta for node in [*founders, late_joiner]]
     assert max(np.linalg.norm(one - last[0]) for one in last) < np.linalg.norm(last[0])
 
 
@@ -129,7 +129,7 @@ def test_unfit_masses_are_counted_and_never_taken(
     file = make_resilient(patience=60.0)
     node, person = nodes.learner(file, "learner_1"), Declarations(nodes, file)
     experiment, session = load_experiment(file), node.session
-    message = mass_message("learner_2", "learner_1", 1, 1, next(iter(session.given().values())))
+    message = mass_message("learner_2", "learner_1", 1, 1, next(iter(session.member.outgoing().values())))
     message.experiment_digest, message.schedule_digest = experiment.digest, experiment.edge_schedule.digest
     for name, value in changes.items():
         setattr(message, name, value)
@@ -145,7 +145,7 @@ def test_a_declaration_waits_until_all_follow(make_resilient: Callable[..., Path
     learners = [nodes.learner(file, name) for name in NAMES]
     declarer = nodes.add(DeclarerNode(NAMES[:3], context=nodes.context))
     assert declarer.declare(nodes.executor, timeout=20.0) == 2
-    assert [node.session.members for node in learners[:3]] == [NAMES[:3]] * 3
+    assert [node.session.member.members for node in learners[:3]] == [NAMES[:3]] * 3
     nodes.spin_until(lambda: learners[3].session.finished)
 
 

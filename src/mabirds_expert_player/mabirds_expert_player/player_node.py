@@ -19,7 +19,7 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 
 from mabirds_core.errors import ExperimentError
-from mabirds_core.experiment.assembly import METHODS, build_game
+from mabirds_core.experiment.assembly import build_game, method_names
 from mabirds_core.texts import shortened
 from mabirds_expert_player.diagnostics import playing_diagnostic
 from mabirds_expert_player.stream import Claims, Stream
@@ -57,8 +57,8 @@ class ExpertPlayerNode(Node):
         self._declare_parameters()
         experiment, self._experiment_digest = experiment_of(self)
         self._schedule_digest = experiment.edge_schedule.digest
-        if self._value("central") not in ("", *METHODS):
-            raise ExperimentError(f"central {self._value('central')!r}: expected one of {METHODS}, or nothing")
+        if self._value("central") not in ("", *method_names()):
+            raise ExperimentError(f"central {self._value('central')!r}: expected one of {method_names()}, or nothing")
         self._game = build_game(experiment)
         directory = Path(self._value("bag") or experiment.demonstrations.bag)
         self.get_logger().info(f"checking {directory}")

@@ -32,13 +32,13 @@ class CentralNode(ProgressNode):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("central", **node_options)
-        experiment, history = self.experiment, self.value("demonstration_history")
+        experiment, history = self.experiment, self.get_param("demonstration_history")
         game = build_game(experiment)
-        method = build_method(experiment, self.own_name, game)
+        method = build_method(experiment, self.learner_name, game)
         self.session = CentralSession(method, experiment.learners, experiment.iterations, history)
-        self.begin(game, PARAMETER_HISTORY)
+        self.start(game, PARAMETER_HISTORY)
         for learner in experiment.learners:
-            topic = f"{self.fleet}{learner}/{topics.DEMONSTRATION}"
+            topic = f"{self.namespace_prefix}{learner}/{topics.DEMONSTRATION}"
             self.create_subscription(Demonstration, topic, partial(self._on_demonstration, learner), latched(history))
 
     def _on_demonstration(self, learner: str, message: Demonstration) -> None:
@@ -46,9 +46,9 @@ class CentralNode(ProgressNode):
             trajectory = read_demonstration(self.game, learner, message, self.experiment_digest)
             self.session.receive_demonstration(learner, message.iteration, trajectory)
         except RefusedMessageError as error:
-            self.drop(f"{topics.DEMONSTRATION} {message.iteration} of {learner}", error)
+            self.reject(f"{topics.DEMONSTRATION} {message.iteration} of {learner}", error)
         else:
-            self.go_on()
+            self.schedule_next_step()
 
 
 HELP = """Run a central method on the demonstrations of all learners.

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 from mabirds_core.algorithm.gradient import stacked
 from mabirds_core.baselines.interface import CentralMethod, CentralState
 from mabirds_core.games.interface import Trajectories
-from mabirds_learner.inbox import accept
-from mabirds_learner.progress import Standing
+from mabirds_learner.inbox import check_iteration
+from mabirds_learner.progress import SessionState
 
 
-class CentralSession(Standing):
+class CentralSession(SessionState):
     """One method's side. ``streams``: names of the learners whose demonstrations it pools. ``iterations``: updates.
 
     ``history``: how many iterations ahead demonstrations are kept.
@@ -17,10 +17,15 @@ class CentralSession(Standing):
 
     def __init__(self, method: CentralMethod, streams: Sequence[str], iterations: int, history: int) -> None:
         self.method = method
-        self.state: CentralState = method.initial_state()
+        self._state = method.initial_state()
         self.mixed_from: list[str] = []
         self.last, self._history = iterations, history
         self._demonstrations: dict[str, dict[int, Trajectories]] = {name: {} for name in streams}
+
+    @property
+    def state(self) -> CentralState:
+        """Before update n."""
+        return self._state
 
     @property
     def backlog(self) -> int:
@@ -51,11 +56,12 @@ class CentralSession(Standing):
     def receive_demonstration(self, stream: str, iteration: int, trajectory: Trajectories) -> None:
         """Keep zeta(iteration) of a stream. Raises RefusedMessageError where it is old, known, or too far ahead."""
         ahead = min(self._history, self.last + 1 - self.iteration)
-        accept(iteration, self.iteration, self._demonstrations[stream], ahead, trajectory)
+        check_iteration(iteration, self.iteration, self._demonstrations[stream], ahead, trajectory)
         self._demonstrations[stream][iteration] = trajectory
 
     def step(self) -> dict[str, float]:
         """Make update n; returns the work done since the beginning."""
         n = self.iteration
-        self.state = self.method.update(self.state, stacked([known.pop(n) for known in self._demonstrations.values()]))
+        pooled = stacked([known.pop(n) for known in self._demonstrations.values()])
+        self._state = self.method.update(self._state, pooled)
         return {name: float(count) for name, count in self.state.work._asdict().items()}

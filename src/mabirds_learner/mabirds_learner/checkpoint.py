@@ -26,7 +26,7 @@ UNFINISHED = ".unfinished"
 LOCK = "lock"
 FORMAT = "mabirds-checkpoint-1"
 
-WHOLE = 3
+COMPLETE = 3
 """How many of the newest files keep everything."""
 
 LASTING = ("theta", "omega")
@@ -34,7 +34,7 @@ LASTING = ("theta", "omega")
 
 
 @dataclass(frozen=True)
-class Owner:
+class CheckpointMetadata:
     """Whose checkpoints they are: of which learner, in which run of which experiment, with which schedule."""
 
     learner: str
@@ -52,8 +52,8 @@ class CheckpointStore:
     Raises CheckpointError where the directory cannot be written, or where another process writes to it.
     """
 
-    def __init__(self, directory: Path, owner: Owner, keep: int) -> None:
-        self.directory, self._owner, self._keep = directory, owner, keep
+    def __init__(self, directory: Path, metadata: CheckpointMetadata, keep: int) -> None:
+        self.directory, self._whose, self._keep = directory, metadata, keep
         self.refused: list[str] = []
         try:
             directory.mkdir(parents=True, exist_ok=True)
@@ -63,7 +63,7 @@ class CheckpointStore:
                 file.unlink()
         except BlockingIOError:
             raise CheckpointError(
-                f"{directory}: another process writes its checkpoints here; end the other {owner.learner}, or name"
+                f"{directory}: another process writes its checkpoints here; end the other {metadata.learner}, or name"
                 " another directory"
             ) from None
         except OSError as error:
@@ -77,7 +77,7 @@ class CheckpointStore:
         """Write one checkpoint: whole and on the disk when this returns, or CheckpointError and nothing changed."""
         try:
             self._write(iteration, arrays)
-            self._trim(iteration - WHOLE)
+            self._trim(iteration - COMPLETE)
             self._file(iteration - self._keep).unlink(missing_ok=True)
         except OSError as error:
             raise self._unwritable(error) from None
@@ -132,7 +132,7 @@ class CheckpointStore:
         return {
             "format": FORMAT,
             "iteration": str(iteration),
-            **asdict(self._owner),
+            **asdict(self._whose),
             "sha256": _fingerprint(arrays),
         }
 

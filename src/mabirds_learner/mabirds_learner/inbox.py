@@ -10,7 +10,7 @@ from mabirds_core.games.interface import Trajectories
 Content = Trajectories | Parameters
 
 
-def accept(iteration: int, current: int, known: Mapping[int, Any], history: int, content: Content) -> None:
+def check_iteration(iteration: int, current: int, known: Mapping[int, Any], history: int, content: Content) -> None:
     """Raise RefusedMessageError unless ``iteration`` is new and in [current, current + history).
 
     ``known``: what is kept, by iteration. The first message of an iteration stays; a later one is a harmless
@@ -30,5 +30,5 @@ def accept(iteration: int, current: int, known: Mapping[int, Any], history: int,
         raise RefusedMessageError("future_iteration", f"iteration {iteration}, expected less than {current + history}")
 
 
-def _same(one: Content, other: Content) -> bool:
-    return all(ours.tobytes() == theirs.tobytes() for ours, theirs in zip(one, other, strict=True))
+def _same(known: Content, content: Content) -> bool:
+    return all(ours.tobytes() == theirs.tobytes() for ours, theirs in zip(known, content, strict=True))

@@ -1,7 +1,7 @@
 """One learner as a ROS node: parameters, conversion, a call into core, a publication.
 
 Started in the namespace of its name (/learner_1). It subscribes to its own demonstrations and to what its scheduled
-in-neighbours tell (strict_exchange, resilient_exchange), and to nothing else.
+in-neighbours tell (strict_exchange, push_sum_exchange), and to nothing else.
 """
 
 from collections.abc import Sequence
@@ -11,14 +11,19 @@ from typing import Any
 from mabirds_msgs.msg import Demonstration
 from mabirds_msgs.srv import FetchParameters
 
-from mabirds_core.consensus.settings import ResilientMixing
+from mabirds_core.consensus.push_sum_mixer import ResilientMixing
 from mabirds_core.errors import RefusedMessageError
-from mabirds_learner.checkpoint import CheckpointStore, Owner
+from mabirds_core.experiment.assembly import build_learner
+from mabirds_learner.checkpoint import CheckpointMetadata, CheckpointStore
+from mabirds_learner.exchange import Exchange, Identity
 from mabirds_learner.learner_session import LearnerSession
+from mabirds_learner.member import Limits
+from mabirds_learner.outlet import NodeOutlet
 from mabirds_learner.progress_node import ProgressNode
-from mabirds_learner.resilient_exchange import ResilientExchange
-from mabirds_learner.session import default_history
+from mabirds_learner.push_sum_exchange import PushSumExchange
+from mabirds_learner.push_sum_member import PushSumMember
 from mabirds_learner.strict_exchange import StrictExchange
+from mabirds_learner.strict_member import StrictMember, default_history
 from mabirds_msgs_py import topics
 from mabirds_msgs_py.conversion import read_demonstration
 from mabirds_msgs_py.environment import prepare_environment
@@ -39,44 +44,51 @@ class LearnerNode(ProgressNode):
     def __init__(self, **node_options: Any) -> None:
         super().__init__("learner", **node_options)
         self._declare_parameters()
-        self.parameter_history = self.value("parameter_history") or default_history(self.schedule)
-        mixing = self.experiment.mixing
-        self._exchange: ResilientExchange | StrictExchange = (
-            ResilientExchange(self, mixing) if isinstance(mixing, ResilientMixing) else StrictExchange(self)
-        )
-        self.session = self._exchange.session
-        self._checkpoints = self._open_checkpoints()
+        self.parameter_history = self.get_param("parameter_history") or default_history(self.schedule)
         self.presence = Presence(self._on_presence)
-        self.begin(self.session.learner.game, self.parameter_history)
-        history = latched(self.value("demonstration_history"))
+        self.session, self._exchange = self._session_and_exchange()
+        self._checkpoints = self._open_checkpoints()
+        self.start(self.session.learner.game, self.parameter_history)
+        history = latched(self.get_param("demonstration_history"))
         self.create_subscription(Demonstration, topics.DEMONSTRATION, self._on_demonstration, history)
         self.create_service(FetchParameters, topics.FETCH_PARAMETERS, self._on_fetch)
         self._exchange.connect()
 
+    def _session_and_exchange(self) -> tuple[LearnerSession, Exchange]:
+        """Both as the experiment's mixing asks."""
+        mixing, learner = self.experiment.mixing, build_learner(self.experiment, self.learner_name)
+        identity = Identity(self.learner_name, self.experiment_digest, self.schedule)
+        outlet = NodeOutlet(self, self.presence, self.parameter_history)
+        here = (identity, outlet, self.schedule_next_step)
+        if isinstance(mixing, ResilientMixing):
+            member = PushSumMember(learner, self._limits, late_joiner=self.get_param("late_joiner"))
+            resilient = LearnerSession(member)
+            return resilient, PushSumExchange(resilient, *here, patience=mixing.patience, save=self.save)
+        strict = LearnerSession(StrictMember(learner, self._limits))
+        return strict, StrictExchange(strict, *here)
+
     @property
-    def limits(self) -> tuple[int, int, int, int]:
-        """Updates, demonstrations and iterations of parameters to keep, closing rounds: what every session is told."""
-        experiment = self.experiment
-        history = self.value("demonstration_history")
-        return experiment.iterations, history, self.parameter_history, experiment.closing_rounds
+    def _limits(self) -> Limits:
+        experiment, history = self.experiment, self.get_param("demonstration_history")
+        return Limits(experiment.iterations, history, self.parameter_history, experiment.closing_rounds)
 
     def _declare_parameters(self) -> None:
         words = "iterations of parameters kept; 0: as many as the schedule needs, at least 256"
         self.declare_parameter("parameter_history", 0, whole(words, 0, 100_000))
         self.declare_parameter("checkpoints", "", text("directory of this learner's checkpoints; empty: none"))
         words = "resilient mode: take part once a declaration says so"
-        self.declare_parameter("newcomer", value=False, descriptor=flag(words))
+        self.declare_parameter("late_joiner", value=False, descriptor=flag(words))
 
     def _open_checkpoints(self) -> CheckpointStore | None:
         """The place of the checkpoints, after going on from what is there; None where none was named."""
-        if not self.value("checkpoints"):
+        if not self.get_param("checkpoints"):
             return None
-        owner = Owner(self.own_name, self.experiment_digest, self.schedule.digest)
-        store = CheckpointStore(Path(self.value("checkpoints")), owner, self.parameter_history)
+        metadata = CheckpointMetadata(self.learner_name, self.experiment_digest, self.schedule.digest)
+        store = CheckpointStore(Path(self.get_param("checkpoints")), metadata, self.parameter_history)
         found = store.load()
         if found:
-            self.session.resume(found)
-            self.say("; ".join([f"resumed at iteration {self.session.iteration}", *store.refused]))
+            self.session.restore(found)
+            self.set_event("; ".join([f"resumed at iteration {self.session.iteration}", *store.refused]))
         else:
             store.save(self.session.iteration, self.session.arrays())  # a neighbour may ask for the first one, too
         return store
@@ -87,7 +99,7 @@ class LearnerNode(ProgressNode):
             self._checkpoints.close()
         super().destroy_node()
 
-    def keep(self) -> None:
+    def save(self) -> None:
         """Write a checkpoint: before anybody hears of it, so that a restart cannot take back what was said."""
         if self._checkpoints:
             self._checkpoints.save(self.session.iteration, self.session.arrays())
@@ -104,18 +116,18 @@ class LearnerNode(ProgressNode):
 
     def _on_demonstration(self, message: Demonstration) -> None:
         try:
-            trajectory = read_demonstration(self.game, self.own_name, message, self.experiment_digest)
+            trajectory = read_demonstration(self.game, self.learner_name, message, self.experiment_digest)
             self.session.receive_demonstration(message.iteration, trajectory)
         except RefusedMessageError as error:
-            self.drop(f"{topics.DEMONSTRATION} {message.iteration}", error)
+            self.reject(f"{topics.DEMONSTRATION} {message.iteration}", error)
         else:
-            self.go_on()
+            self.schedule_next_step()
 
     def _on_presence(self, name: str) -> None:
-        gone = self.presence.is_gone(name)
-        self.say(f"{name} is {f'gone: silent for {LEASE:g} s' if gone else 'back'}")
-        self._exchange.on_presence(name, gone=gone)
-        self.go_on()
+        alive = not self.presence.is_gone(name)
+        self.set_event(f"{name} is {'back' if alive else f'gone: silent for {LEASE:g} s'}")
+        self._exchange.on_presence(name, alive=alive)
+        self.schedule_next_step()
 
     def on_timer(self) -> None:
         """Say that this learner lives, and mend what has been missing since the last time."""
@@ -131,7 +143,7 @@ class LearnerNode(ProgressNode):
         response.found = parameters is not None
         if parameters is None:
             kept = list(self.session.kept)
-            response.message = f"{self.own_name} keeps iterations {kept[0]} to {kept[-1]}"
+            response.message = f"{self.learner_name} keeps iterations {kept[0]} to {kept[-1]}"
         else:
             response.parameters = self.parameters_message(request.iteration, parameters)
         return response
@@ -148,7 +160,7 @@ parameters:
   demonstration_history   demonstrations kept ahead of the current iteration (256)
   run                     name of this run; messages of other runs are refused ("")
   checkpoints             directory of its checkpoints; it goes on from those that are there (none)
-  newcomer                resilient mode: take part only once a declaration of members says so (false)
+  late_joiner             resilient mode: take part only once a declaration of members says so (false)
   parameter_history       iterations of parameters kept; 0: as many as the schedule needs, at least 256 (0)
   status_period           seconds between status messages while nothing changes (1.0)
 

@@ -1,48 +1,64 @@
-"""What sessions of both modes share: demonstrations that arrived, own parameters that others may ask for."""
+"""One learner's session without ROS: what has arrived, what is missing, and the next update once nothing is.
 
-from abc import ABC, abstractmethod
+How it mixes with its neighbours, and whom it waits for, is its member's: strict_member or push_sum_member.
+"""
+
 from collections.abc import Mapping
+from typing import Generic, TypeVar
 
-import numpy as np
-
-from mabirds_core.algorithm.learner import Learner
+from mabirds_core.algorithm.learner import Learner, LearnerState
 from mabirds_core.algorithm.parameters import Parameters
-from mabirds_core.algorithm.storage import parameters_of
+from mabirds_core.algorithm.storage import parameters_of, to_arrays
 from mabirds_core.arrays import Array
 from mabirds_core.errors import CheckpointError
 from mabirds_core.games.interface import Trajectories
+from mabirds_core.metrics.metrics import norms
 from mabirds_learner.checkpoint import Checkpoints
-from mabirds_learner.inbox import accept
-from mabirds_learner.progress import Standing
+from mabirds_learner.inbox import check_iteration
+from mabirds_learner.member import Member, indices_of, names_at
+from mabirds_learner.progress import SessionState
 
 DEMONSTRATION = "demonstration"
 
 MIXED_FROM = "mixed_from"
 """Name of the array of those whose parameters entered the newest update, in a checkpoint."""
 
+AMember = TypeVar("AMember", bound=Member)
 
-class LearnerSession(Standing, ABC):
-    """One learner's side of the exchange.
 
-    ``iterations``: updates to make; ``closing_rounds``: rounds of averaging alone after them.
-    ``demonstration_history``, ``parameter_history``: how many iterations ahead messages are kept.
+class LearnerSession(SessionState, Generic[AMember]):
+    """One learner's side of the exchange: its demonstrations, its updates, and its past for those who ask.
+
+    ``mixed_from``: whose parameters entered the newest update.
     """
 
-    def __init__(
-        self,
-        learner: Learner,
-        iterations: int,
-        demonstration_history: int,
-        parameter_history: int,
-        closing_rounds: int = 0,
-    ) -> None:
-        self.learner = learner
+    def __init__(self, member: AMember) -> None:
+        self.member, self.limits, self.last = member, member.limits, member.limits.last
         self.mixed_from: list[str] = []
-        self._iterations, self.last = iterations, iterations + closing_rounds
-        self._demonstration_history = demonstration_history
-        self._parameter_history = parameter_history
+        self._learners = member.learner.mixer.schedule.learners
         self._demonstrations: dict[int, Trajectories] = {}
-        self._own: dict[int, Parameters] = {}
+        self._own: dict[int, Parameters] = {self.iteration: self.parameters}
+        member.on_join = self._on_join
+
+    @property
+    def learner(self) -> Learner:
+        """The learner, with its present mixer."""
+        return self.member.learner
+
+    @property
+    def state(self) -> LearnerState:
+        """Before update n."""
+        return self.member.state
+
+    @property
+    def epoch(self) -> int:
+        """Of the membership that is followed; 0 where there is none, as in strict mode."""
+        return self.member.epoch
+
+    @property
+    def finished(self) -> bool:
+        """Are all updates made, or has this learner departed?"""
+        return super().finished or self.member.departed
 
     @property
     def backlog(self) -> int:
@@ -50,18 +66,18 @@ class LearnerSession(Standing, ABC):
         return len(self._demonstrations)
 
     @property
-    def missing_demonstration(self) -> bool:
-        """Is zeta(n) still to come?"""
-        return self.iteration <= self._iterations and self.iteration not in self._demonstrations
-
-    @property
-    @abstractmethod
     def lag(self) -> int:
         """How many iterations a neighbour is known to be ahead."""
+        return self.member.lag
 
-    @abstractmethod
+    @property
+    def missing_demonstration(self) -> bool:
+        """Is zeta(n) still to come?"""
+        return self.iteration <= self.limits.iterations and self.iteration not in self._demonstrations
+
     def missing_neighbours(self) -> list[str]:
         """In-neighbours of E(n) that the update n waits for."""
+        return [] if self.finished else self.member.missing()
 
     def waiting_for(self) -> list[str]:
         """Names of what is missing for the next update; empty when it can be made."""
@@ -74,50 +90,56 @@ class LearnerSession(Standing, ABC):
 
     def receive_demonstration(self, iteration: int, trajectory: Trajectories) -> None:
         """Keep zeta(iteration). Raises RefusedMessageError where it is old, known, or too far ahead."""
-        ahead = min(self._demonstration_history, self._iterations + 1 - self.iteration)
-        accept(iteration, self.iteration, self._demonstrations, ahead, trajectory)
+        ahead = min(self.limits.demonstration_history, self.limits.iterations + 1 - self.iteration)
+        check_iteration(iteration, self.iteration, self._demonstrations, ahead, trajectory)
         self._demonstrations[iteration] = trajectory
 
-    @abstractmethod
     def step(self) -> dict[str, float]:
-        """Make update n, only when ``ready``; returns the norms of its gradients, nothing for a closing round."""
+        """Make update n, only when ``ready``; returns the norms of its gradients and what its member shows."""
+        n, incoming, metrics = self.iteration, self.member.incoming(), dict[str, float]()
+        if n > self.limits.iterations:
+            self.member.state = self.learner.consensus_step(self.state, incoming)
+        else:
+            result = self.learner.step(self.state, self._demonstrations[n], incoming)
+            self.member.state = result.state
+            metrics = {f"gradient_{name}": value for name, value in norms(result.gradient).items()}
+        self.mixed_from = list(incoming)
+        self.member.close_iteration(n)
+        self._close_iteration(n)
+        return {**metrics, **self.member.metrics()}
+
+    def _on_join(self) -> None:
+        """What others learned before this learner joined is not its to learn."""
+        self._close_iteration(self.iteration - 1)
 
     def _close_iteration(self, iteration: int) -> None:
         """Drop what served an update, and own parameters that nobody can ask for any more."""
         for known in [n for n in self._demonstrations if n <= iteration]:
             del self._demonstrations[known]
         self._own[self.iteration] = self.parameters
-        self._own.pop(self.iteration - self._parameter_history, None)
+        self._own.pop(self.iteration - self.limits.parameter_history, None)
 
     def arrays(self) -> dict[str, Array]:
         """What a checkpoint must hold to go on from here."""
-        return {**self._state_arrays(), MIXED_FROM: self._indices(self.mixed_from)}
+        mixed_from = {MIXED_FROM: indices_of(self._learners, self.mixed_from)}
+        return {**to_arrays(self.learner, self.state), **self.member.arrays(), **mixed_from}
 
-    def resume(self, checkpoints: Checkpoints) -> None:
-        """Go on from the newest that is whole; all answer neighbours. Raises MabirdsError where they do not fit."""
+    def restore(self, checkpoints: Checkpoints) -> None:
+        """Go on from the newest complete one; all answer neighbours. Raises MabirdsError where they do not fit."""
         self._own = {n: parameters_of(self.learner, arrays) for n, arrays in sorted(checkpoints.items())}
-        whole = [n for n, arrays in checkpoints.items() if MIXED_FROM in arrays]
-        if not whole:
+        complete = [n for n, arrays in checkpoints.items() if is_complete(arrays)]
+        if not complete:
             raise CheckpointError("no checkpoint is whole; name another directory, or delete this one to start anew")
-        newest = max(whole)
-        self._restore(newest, checkpoints[newest])
-        self.mixed_from = self._names(checkpoints[newest].get(MIXED_FROM, np.empty(0)))
-
-    @abstractmethod
-    def _state_arrays(self) -> dict[str, Array]:
-        """The state as named arrays."""
-
-    @abstractmethod
-    def _restore(self, iteration: int, arrays: Mapping[str, Array]) -> None:
-        """The state from such arrays."""
-
-    def _indices(self, names: list[str]) -> Array:
-        return np.array([self.learner.schedule.learners.index(name) for name in names], dtype=np.float64)
-
-    def _names(self, indices: Array) -> list[str]:
-        return [self.learner.schedule.learners[int(u)] for u in indices]
+        newest = max(complete)
+        self.member.restore(newest, checkpoints[newest])
+        self.mixed_from = names_at(self._learners, checkpoints[newest][MIXED_FROM])
 
     @property
     def kept(self) -> Mapping[int, Parameters]:
         """theta(n), omega(n) of this learner by n, the oldest first, for those who missed them."""
         return self._own
+
+
+def is_complete(arrays: Mapping[str, Array]) -> bool:
+    """Can a session go on from a checkpoint of these arrays, or is theta and omega all that is left of it?"""
+    return MIXED_FROM in arrays

@@ -1,18 +1,22 @@
 """What a node drives: the part of a learner or central method that knows no ROS."""
 
+from abc import ABC, abstractmethod
 from typing import Protocol
 
 from mabirds_core.algorithm.learner import LearnerState
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.baselines.interface import CentralState
-from mabirds_core.consensus.resilient import ResilientState
 
 
 class Session(Protocol):
     """What has arrived, what is missing, and the next update once nothing is."""
 
     mixed_from: list[str]
-    epoch: int
+
+    @property
+    def epoch(self) -> int:
+        """Of the membership that is followed; 0 where there is none."""
+        ...
 
     @property
     def iteration(self) -> int:
@@ -58,15 +62,20 @@ class Session(Protocol):
         ...
 
 
-class Standing:
-    """Where a session stands, as its state tells. ``last``: the iteration after which nothing is left to do.
+class SessionState(ABC):
+    """Where a session stands, as its state tells. ``last``: the iteration after which nothing is left to do."""
 
-    ``epoch``: of the membership that is followed; 0 where there is none, as in strict mode.
-    """
-
-    state: LearnerState | ResilientState | CentralState
     last: int
-    epoch: int = 0
+
+    @property
+    @abstractmethod
+    def state(self) -> LearnerState | CentralState:
+        """Before update n."""
+
+    @property
+    def epoch(self) -> int:
+        """Of the membership that is followed; 0 where there is none, as in strict mode."""
+        return 0
 
     @property
     def iteration(self) -> int:

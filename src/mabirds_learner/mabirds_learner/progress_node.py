@@ -28,7 +28,7 @@ STATUSES_AN_ITERATION = 8
 class ProgressNode(Node):
     """A node that learns: its name is its namespace. Raises MabirdsError for a wrong experiment or no namespace.
 
-    A subclass creates ``session`` and its inputs, and then calls ``begin``.
+    A subclass creates ``session`` and its inputs, and then calls ``start``.
     """
 
     session: Session
@@ -42,19 +42,19 @@ class ProgressNode(Node):
         self.declare_parameter(
             "status_period", 1.0, real("seconds between two status messages while nothing changes", 0.05, 60.0)
         )
-        self.fleet, self.own_name = topics.split_namespace(self.get_namespace())
-        if not self.own_name:
+        self.namespace_prefix, self.learner_name = topics.split_namespace(self.get_namespace())
+        if not self.learner_name:
             raise ExperimentError("no namespace: a learner's namespace is its name; start with -r __ns:=/learner_1")
         self.experiment, self.experiment_digest = experiment_of(self)
         self.schedule = self.experiment.edge_schedule
         self._drops: Counter[str] = Counter()
         self._event = ""
 
-    def value(self, name: str) -> Any:
+    def get_param(self, name: str) -> Any:
         """The value of a ROS parameter."""
         return self.get_parameter(name).value
 
-    def begin(self, game: ConstrainedMarkovGame, history: int) -> None:
+    def start(self, game: ConstrainedMarkovGame, history: int) -> None:
         """Announce theta(1), omega(1) and the status; ``history``: messages kept for those who come late."""
         self.game = game
         self._metrics = norms(self.session.parameters)
@@ -66,7 +66,7 @@ class ProgressNode(Node):
         self._schedule_publisher.publish(schedule_message(self.schedule))
         self._diagnostics_publisher = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, diagnostics.DEPTH)
         self._diagnosed_at = 0
-        self.create_timer(self.value("status_period"), self.on_timer)
+        self.create_timer(self.get_param("status_period"), self.on_timer)
         self.create_timer(diagnostics.PERIOD, self._publish_diagnostics)
         # Triggered when the next update can be made, so that each is a callback of its own and others get a turn.
         self._next = self.create_guard_condition(self._advance)
@@ -77,13 +77,13 @@ class ProgressNode(Node):
         """Say that this node lives."""
         self.publish_status()
 
-    def say(self, words: str, *, log: bool = True) -> None:
+    def set_event(self, words: str, *, log: bool = True) -> None:
         """Tell people, in the statuses from now on and in the log."""
         self._event = words
         if log:
             self.get_logger().info(words)
 
-    def drop(self, what: str, error: RefusedMessageError) -> None:
+    def reject(self, what: str, error: RefusedMessageError) -> None:
         """Count a message that is not used, and say why unless that is harmless.
 
         The next regular status tells of it: a flood of such messages must not become a flood of statuses.
@@ -100,7 +100,7 @@ class ProgressNode(Node):
         if self._drops[reason] == 1:
             self.get_logger().warning(words)
 
-    def go_on(self) -> None:
+    def schedule_next_step(self) -> None:
         """Publish where this node stands, and see to it that the next update is made once it can be."""
         self.publish_status()
         if self.session.ready:
@@ -114,13 +114,13 @@ class ProgressNode(Node):
         metrics = self.session.step()
         seconds = time.perf_counter() - start
         self._metrics = {"iteration_seconds": seconds, **norms(self.session.parameters), **metrics}
-        self.keep()
+        self.save()
         self.publish_update()
-        self.go_on()
+        self.schedule_next_step()
         if self.session.finished:
-            self.get_logger().info(f"{self.own_name}: all {self.experiment.iterations} demonstrations learned")
+            self.get_logger().info(f"{self.learner_name}: all {self.experiment.iterations} demonstrations learned")
 
-    def keep(self) -> None:
+    def save(self) -> None:
         """Remember what the update led to, before it is published."""
 
     def publish_update(self) -> None:
@@ -141,7 +141,7 @@ class ProgressNode(Node):
     def parameters_message(self, iteration: int, parameters: Parameters) -> ParametersMessage:
         """theta(iteration), omega(iteration) as a message of this node."""
         return parameters_message(
-            self.own_name, iteration, parameters, self.experiment_digest, self.schedule.digest, self._now()
+            self.learner_name, iteration, parameters, self.experiment_digest, self.schedule.digest, self._now()
         )
 
     def publish_parameters(self, iteration: int, parameters: Parameters) -> None:
@@ -152,7 +152,7 @@ class ProgressNode(Node):
         """Tell where this node stands."""
         session = self.session
         message = LearnerStatus(
-            learner=self.own_name,
+            learner=self.learner_name,
             game_digest=self.game.digest,
             experiment_digest=self.experiment_digest,
             schedule_digest=self.schedule.digest,
@@ -176,7 +176,7 @@ class ProgressNode(Node):
         """Once a second: where this node stands, and a warning where it stands still."""
         stalled, self._diagnosed_at = self._diagnosed_at == self.session.iteration, self.session.iteration
         message = learning_diagnostic(
-            self.own_name, self.session, self._drops, self._metrics, self.stamp(), stalled=stalled
+            self.learner_name, self.session, self._drops, self._metrics, self.stamp(), stalled=stalled
         )
         self._diagnostics_publisher.publish(message)
 

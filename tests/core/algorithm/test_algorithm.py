@@ -13,6 +13,7 @@ from mabirds_core.algorithm.parameters import Parameters, StepSizes
 from mabirds_core.arrays import Indices, Vector
 from mabirds_core.consensus.generators import complete_edges, static
 from mabirds_core.consensus.schedule import EdgeSchedule, both_ways
+from mabirds_core.consensus.strict import StrictMixer, StrictState
 from mabirds_core.errors import DivergenceError, ScheduleError
 from mabirds_core.games.interface import Trajectories, Visitation, discounted_visitation
 from mabirds_core.games.patrol.game import PatrolGame
@@ -23,7 +24,8 @@ from mabirds_core.rewards.models import LinearReward
 
 STEPS = StepSizes(alpha=3.0, beta=0.7, eta1=0.6, eta2=0.9)
 SLOTS = (both_ways([(0, 1), (1, 2)]), both_ways([(0, 2)]), frozenset({(0, 1), (1, 2), (2, 0)}))
-SCHEDULE = EdgeSchedule(("a", "b", "c"), SLOTS)
+NAMES = ("a", "b", "c")
+SCHEDULE = EdgeSchedule(NAMES, SLOTS)
 WEIGHTS: list[list[list[float]]] = [
     [[2 / 3, 1 / 3, 0], [1 / 3, 1 / 3, 1 / 3], [0, 1 / 3, 2 / 3]],
     [[1 / 2, 0, 1 / 2], [0, 1, 0], [1 / 2, 0, 1 / 2]],
@@ -53,7 +55,8 @@ def learner(index: int, window: int = 1, seed: int = 5, expectation: Expectation
     reward = LinearReward(game.reward_features)
     finder = SoftBellmanFinder(game, reward, game.cost_features)
     sampled = expectation or SampledExpectation(game, 4)
-    return Learner(index, GradientEstimator(game, reward, finder, sampled), SCHEDULE, STEPS, window, seed)
+    estimator, mixer = GradientEstimator(game, reward, finder, sampled), StrictMixer(NAMES[index], SCHEDULE)
+    return Learner(index, estimator, mixer, STEPS, window, seed)
 
 
 def random_parameters(seed: int) -> Parameters:
@@ -62,9 +65,13 @@ def random_parameters(seed: int) -> Parameters:
     return Parameters(rng.normal(size=sizes[0]), rng.normal(size=sizes[1]))
 
 
-def neighbours_of(index: int, iteration: int) -> dict[int, Parameters]:
+def state_at(iteration: int, parameters: Parameters) -> LearnerState:
+    return LearnerState(iteration, StrictState(parameters), ())
+
+
+def neighbours_of(index: int, iteration: int) -> dict[str, Parameters]:
     """Parameters of all learners, restricted to the in-neighbours of the iteration."""
-    return {u: random_parameters(u) for u in SCHEDULE.in_neighbours(index, iteration)}
+    return {NAMES[u]: random_parameters(u) for u in SCHEDULE.in_neighbours(index, iteration)}
 
 
 def naive_totals(game: PatrolGame, trajectories: Trajectories) -> Parameters:
@@ -108,14 +115,14 @@ def assert_same_bits(one: Parameters, other: Parameters) -> None:
 def test_five_updates_are_those_of_the_papers_equations(index: int, window: int) -> None:
     game = hallway()
     demonstrations = {n: some_trajectories(game, 1, seed=n) for n in range(1, 6)}
-    state = LearnerState(1, random_parameters(index), ())
+    state = state_at(1, random_parameters(index))
     for n in range(1, 6):
         imagined = some_trajectories(game, 4, seed=100 + n)
         neighbours = neighbours_of(index, n)
-        known = {**neighbours, index: state.parameters}
+        known = {**{NAMES.index(name): given for name, given in neighbours.items()}, index: state.parameters}
         expected = naive_update(game, index, n, known, imagined, demonstrations, window)
         one = learner(index, window, expectation=GivenRollouts(game, imagined))
-        state = one.update(state, demonstrations[n], neighbours).state
+        state = one.step(state, demonstrations[n], neighbours).state
         np.testing.assert_allclose(state.parameters.theta, expected.theta, rtol=0, atol=1e-12)
         np.testing.assert_allclose(state.parameters.omega, expected.omega, rtol=0, atol=1e-12)
         assert state.iteration == n + 1
@@ -130,7 +137,7 @@ def test_an_update_uses_rollouts_of_the_policy_of_its_own_parameters_and_generat
     )
     policy = one.estimator.finder.find(*own)
     imagined = rollouts(game, policy, 4, np.random.default_rng([5, 1, 2]))
-    found = one.update(LearnerState(2, own, ()), demonstration, {}).gradient
+    found = one.step(state_at(2, own), demonstration, {}).gradient
     both = naive_totals(game, imagined), naive_totals(game, demonstration)
     expected = [mean - observed for mean, observed in zip(*both, strict=True)]
     np.testing.assert_allclose(found.theta, expected[0], rtol=0, atol=1e-12)
@@ -143,7 +150,7 @@ def test_a_state_remembers_the_last_demonstrations_newest_first() -> None:
     state = one.initial_state()
     for n, demonstration in enumerate(demonstrations, start=1):
         assert len(state.recent) == min(n - 1, 2)
-        state = one.update(state, demonstration, neighbours_of(1, n)).state
+        state = one.step(state, demonstration, neighbours_of(1, n)).state
     assert state.recent[0] is demonstrations[3]
     assert state.recent[1] is demonstrations[2]
     assert len(state.recent) == 2
@@ -172,9 +179,7 @@ def test_every_learner_starts_from_the_same_zeros() -> None:
 
 def test_learners_built_twice_agree_bit_for_bit() -> None:
     demonstration = some_trajectories(hallway(), 1, seed=1)
-    first, second = (
-        learner(1).update(learner(1).initial_state(), demonstration, neighbours_of(1, 1)) for _ in range(2)
-    )
+    first, second = (learner(1).step(learner(1).initial_state(), demonstration, neighbours_of(1, 1)) for _ in range(2))
     assert_same_bits(first.state.parameters, second.state.parameters)
     assert_same_bits(first.gradient, second.gradient)
 
@@ -182,11 +187,11 @@ def test_learners_built_twice_agree_bit_for_bit() -> None:
 def gradient_of(index: int, iteration: int, seed: int) -> Vector:
     """Gradient in theta from one set of parameters and one demonstration."""
     state, demonstration = (
-        LearnerState(iteration, random_parameters(7), ()),
+        state_at(iteration, random_parameters(7)),
         some_trajectories(hallway(), 1, seed=1),
     )
     neighbours = neighbours_of(index, iteration)
-    return learner(index, seed=seed).update(state, demonstration, neighbours).gradient.theta
+    return learner(index, seed=seed).step(state, demonstration, neighbours).gradient.theta
 
 
 @pytest.mark.parametrize(("index", "iteration", "seed"), [(1, 4, 5), (0, 5, 5), (0, 4, 6), (1, 1, 5)])
@@ -206,7 +211,7 @@ def test_all_learners_and_iterations_of_a_network_draw_differently() -> None:
     for index in range(3):
         one = learner(index, expectation=recorded)
         for n in range(1, 21):
-            one.update(LearnerState(n, random_parameters(index), ()), demonstration, neighbours_of(index, n))
+            one.step(state_at(n, random_parameters(index)), demonstration, neighbours_of(index, n))
     assert len(set(draws)) == len(draws) == 60
 
 
@@ -215,53 +220,53 @@ def test_mixing_does_not_move_parameters_on_which_all_agree() -> None:
     game, same = hallway(), random_parameters(3)
     demonstration = some_trajectories(game, 1, seed=1)
     one = learner(1, expectation=GivenRollouts(game, demonstration))
-    update = one.update(LearnerState(1, same, ()), demonstration, {0: same, 2: same})
-    assert not update.gradient.theta.any()
-    assert not update.gradient.omega.any()
-    np.testing.assert_allclose(update.state.parameters.theta, same.theta, atol=1e-15)
-    np.testing.assert_allclose(update.state.parameters.omega, same.omega, atol=1e-15)
+    result = one.step(state_at(1, same), demonstration, {"a": same, "c": same})
+    assert not result.gradient.theta.any()
+    assert not result.gradient.omega.any()
+    np.testing.assert_allclose(result.state.parameters.theta, same.theta, atol=1e-15)
+    np.testing.assert_allclose(result.state.parameters.omega, same.omega, atol=1e-15)
 
 
 def test_the_order_in_which_neighbours_are_given_changes_no_bit() -> None:
-    everybody = replace(learner(0), schedule=static(("a", "b", "c", "d", "e"), complete_edges(5)))
-    state, demonstration = LearnerState(1, random_parameters(0), ()), some_trajectories(hallway(), 1, seed=1)
-    neighbours = {u: random_parameters(u) for u in range(1, 5)}
+    everybody = replace(learner(0), mixer=StrictMixer("a", static(tuple("abcde"), complete_edges(5))))
+    state, demonstration = state_at(1, random_parameters(0)), some_trajectories(hallway(), 1, seed=1)
+    neighbours = {name: random_parameters(u) for u, name in enumerate("bcde", start=1)}
     backwards = dict(reversed(neighbours.items()))
-    first, second = (everybody.update(state, demonstration, given) for given in (neighbours, backwards))
+    first, second = (everybody.step(state, demonstration, given) for given in (neighbours, backwards))
     assert_same_bits(first.state.parameters, second.state.parameters)
 
 
-@pytest.mark.parametrize("given", [[], [0], [0, 1, 2], [0, 2, 3], [2, 3]])
-def test_parameters_of_other_learners_than_the_schedules_are_refused(given: list[int]) -> None:
-    neighbours = {u: random_parameters(u) for u in given}
-    state, demonstration = LearnerState(4, random_parameters(1), ()), some_trajectories(hallway(), 1, seed=1)
+@pytest.mark.parametrize("given", ["", "a", "abc", "acd", "cd"])
+def test_parameters_of_other_learners_than_the_schedules_are_refused(given: str) -> None:
+    neighbours = {name: random_parameters(u) for u, name in enumerate(given)}
+    state, demonstration = state_at(4, random_parameters(1)), some_trajectories(hallway(), 1, seed=1)
     with pytest.raises(ScheduleError) as caught:
-        learner(1).update(state, demonstration, neighbours)
-    assert str(caught.value) == f"iteration 4: parameters of learners {given}, expected [0, 2]"
+        learner(1).step(state, demonstration, neighbours)
+    assert str(caught.value) == f"iteration 4: parameters of learners {list(given)}, expected ['a', 'c']"
 
 
 def test_parameters_over_a_closed_edge_are_refused() -> None:
-    state, demonstration = LearnerState(2, random_parameters(1), ()), some_trajectories(hallway(), 1, seed=1)
-    with pytest.raises(ScheduleError, match=r"iteration 2: .*\[0, 2\], expected \[\]"):
-        learner(1).update(state, demonstration, neighbours_of(1, 1))
+    state, demonstration = state_at(2, random_parameters(1)), some_trajectories(hallway(), 1, seed=1)
+    with pytest.raises(ScheduleError, match=r"iteration 2: .*\['a', 'c'\], expected \[\]"):
+        learner(1).step(state, demonstration, neighbours_of(1, 1))
 
 
 def test_an_update_leaves_what_it_was_given_as_it_was() -> None:
-    state, demonstration = LearnerState(1, random_parameters(1), ()), some_trajectories(hallway(), 1, seed=1)
+    state, demonstration = state_at(1, random_parameters(1)), some_trajectories(hallway(), 1, seed=1)
     neighbours = neighbours_of(1, 1)
-    learner(1, window=2).update(state, demonstration, neighbours)
+    learner(1, window=2).step(state, demonstration, neighbours)
     assert_same_bits(state.parameters, random_parameters(1))
     assert state.recent == ()
-    for u, parameters in neighbours.items():
-        assert_same_bits(parameters, random_parameters(u))
+    for name, parameters in neighbours.items():
+        assert_same_bits(parameters, random_parameters(NAMES.index(name)))
 
 
 def test_a_longer_window_over_one_repeated_demonstration_changes_nothing() -> None:
     game, demonstration = hallway(), some_trajectories(hallway(), 1, seed=1)
     single = learner(1, expectation=GivenRollouts(game, some_trajectories(game, 4, seed=2)))
-    state = LearnerState(5, random_parameters(1), ())
+    state = state_at(5, random_parameters(1))
     longer, repeated = replace(single, window=3), state._replace(recent=(demonstration, demonstration))
-    first, second = single.update(state, demonstration, {}), longer.update(repeated, demonstration, {})
+    first, second = single.step(state, demonstration, {}), longer.step(repeated, demonstration, {})
     np.testing.assert_allclose(first.gradient.theta, second.gradient.theta, atol=1e-13)
     np.testing.assert_allclose(first.gradient.omega, second.gradient.omega, atol=1e-13)
 
@@ -270,4 +275,4 @@ def test_parameters_that_leave_the_range_of_numbers_are_refused_with_a_remedy() 
     wild = replace(learner(0), steps=StepSizes(alpha=1e120, beta=1.0))
     demonstration = some_trajectories(hallway(), 1, seed=0)
     with pytest.raises(DivergenceError, match="step 1 carried .* past 1e[+]12; lower alpha and beta"):
-        wild.update(wild.initial_state(), demonstration, neighbours_of(0, 1))
+        wild.step(wild.initial_state(), demonstration, neighbours_of(0, 1))

@@ -16,6 +16,7 @@ from mabirds_core.algorithm.learner import Learner, LearnerState
 from mabirds_core.algorithm.parameters import Parameters, StepSizes
 from mabirds_core.arrays import Vector
 from mabirds_core.consensus.schedule import EdgeSchedule
+from mabirds_core.consensus.strict import StrictMixer, StrictState
 from mabirds_core.games.interface import Trajectories, discounted_visitation
 from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_core.planners.occupancy import ExactExpectation, rollouts
@@ -59,7 +60,7 @@ def exact_learner(game: PatrolGame, window: int) -> Learner:
     finder = SoftBellmanFinder(game, reward, game.cost_features)
     schedule, steps = EdgeSchedule(("alone",), (frozenset(),)), StepSizes(alpha=1, beta=1)
     estimator = GradientEstimator(game, reward, finder, ExactExpectation(game))
-    return Learner(0, estimator, schedule, steps, window, seed=0)
+    return Learner(0, estimator, StrictMixer("alone", schedule), steps, window, seed=0)
 
 
 def differences(objective: Objective, at: Parameters) -> Parameters:
@@ -115,7 +116,7 @@ def test_a_learner_descends_the_negative_log_likelihood_of_its_demonstration() -
     game = from_one_start()
     at = some_parameters(game)
     (trajectory,) = some_trajectories(game, 1)
-    gradient = exact_learner(game, window=1).update(LearnerState(1, at, ()), trajectory, {}).gradient
+    gradient = exact_learner(game, window=1).step(LearnerState(1, StrictState(at), ()), trajectory, {}).gradient
     likelihood = log_likelihood(game, trajectory)
     assert_close(gradient, differences(lambda where: -likelihood(where), at))
 
@@ -137,16 +138,16 @@ def test_gradient_of_a_linear_reward_model_is_that_of_the_return() -> None:
 def test_a_learners_gradient_is_that_of_the_dual_over_its_window(window: int) -> None:
     game = hallway()
     at, demonstrations = some_parameters(game), some_trajectories(game, window)
-    state = LearnerState(window, at, tuple(demonstrations[1:]))
-    gradient = exact_learner(game, window).update(state, demonstrations[0], {}).gradient
+    state = LearnerState(window, StrictState(at), tuple(demonstrations[1:]))
+    gradient = exact_learner(game, window).step(state, demonstrations[0], {}).gradient
     assert_close(gradient, differences(dual(game, demonstrations), at))
 
 
 def test_while_the_window_fills_the_gradient_is_the_filled_share_of_the_duals() -> None:
     game = hallway()
     at, demonstrations = some_parameters(game), some_trajectories(game, 2)
-    state = LearnerState(2, at, (demonstrations[1],))
-    gradient = exact_learner(game, window=3).update(state, demonstrations[0], {}).gradient
+    state = LearnerState(2, StrictState(at), (demonstrations[1],))
+    gradient = exact_learner(game, window=3).step(state, demonstrations[0], {}).gradient
     objective = dual(game, demonstrations)
     assert_close(gradient, differences(lambda where: 2 / 3 * objective(where), at))
 

@@ -71,8 +71,8 @@ def test_a_learner_rolls_out_from_the_starts_of_its_window() -> None:
     settings = experiment(changes)
     game, learner = build_game(settings), build_learner(settings, "ann")
     first, second = demonstrations(settings)["ann"][:2]
-    state = learner.update(learner.initial_state(), first, others(learner.initial_state().parameters)).state
-    found = learner.update(state, second, others(state.parameters)).gradient
+    state = learner.step(learner.initial_state(), first, others(learner.initial_state().parameters)).state
+    found = learner.step(state, second, others(state.parameters)).gradient
     policy = learner.estimator.finder.find(*state.parameters)
     own_starts = np.array([first.states[0, 0], second.states[0, 0]])
     imagined = ExactExpectation(game)(policy, np.random.default_rng(), own_starts)
@@ -81,6 +81,6 @@ def test_a_learner_rolls_out_from_the_starts_of_its_window() -> None:
     np.testing.assert_allclose(found.omega, expected, atol=1e-12)
 
 
-def others(parameters: Parameters) -> dict[int, Parameters]:
+def others(parameters: Parameters) -> dict[str, Parameters]:
     """What bob and cid send."""
-    return {1: parameters, 2: parameters}
+    return {"bob": parameters, "cid": parameters}

@@ -10,14 +10,15 @@ from experiments import demonstrations, experiment
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mabirds_core.algorithm.learner import Learner, LearnerState
 from mabirds_core.algorithm.parameters import Parameters, StepSizes
 from mabirds_core.arrays import Array, Vector
-from mabirds_core.consensus.push_sum import Ledger, RunningSum, opening
+from mabirds_core.consensus.push_sum import PushSumState, RunningSum
+from mabirds_core.consensus.push_sum_mixer import PushSumMixer
 from mabirds_core.consensus.schedule import EdgeSchedule
-from mabirds_core.errors import ExperimentError
-from mabirds_core.experiment.assembly import build_resilient_learner
-from mabirds_core.experiment.simulate import History, simulate, simulate_resilient
+from mabirds_core.consensus.strict import StrictMixer, StrictState
+from mabirds_core.errors import ScheduleError
+from mabirds_core.experiment.assembly import build_learner
+from mabirds_core.experiment.simulate import History, simulate
 
 RESILIENT = {"mixing": {"kind": "resilient"}}
 SCHEDULES: dict[str, Any] = {
@@ -49,28 +50,30 @@ def test_a_sum_that_has_grown_large_still_gives_small_differences() -> None:
     assert large.plus(np.array([1e-6])).since(large)[0] == pytest.approx(1e-6, rel=1e-9)
 
 
-def total(ledgers: dict[str, Ledger]) -> Vector:
+def total(states: dict[str, PushSumState]) -> Vector:
     """All mass there is: what learners hold and what is under way."""
     under_way = [
-        given_sum.since(ledgers[receiver].taken.get(sender, RunningSum.zero(given_sum.total.size)))
-        for sender, ledger in ledgers.items()
-        for receiver, given_sum in ledger.given.items()
+        sent_sum.since(states[receiver].received.get(sender, RunningSum.zero(sent_sum.total.size)))
+        for sender, state in states.items()
+        for receiver, sent_sum in state.sent.items()
     ]
-    return np.sum([ledger.own for ledger in ledgers.values()] + under_way, axis=0)
+    return np.sum([state.mass for state in states.values()] + under_way, axis=0)
 
 
 @given(st.lists(st.tuples(st.booleans(), st.integers(0, 2), st.integers(0, 2), st.floats(0.1, 0.9)), max_size=60))
 def test_mass_is_conserved_whatever_is_lost(events: list[tuple[bool, int, int, float]]) -> None:
     names = "abc"
-    ledgers = {name: opening(Parameters(np.array([k, 7.0]), np.array([-k]))) for k, name in enumerate(names, start=1)}
-    before = total(ledgers)
+    states = {
+        name: PushSumState.init(Parameters(np.array([k, 7.0]), np.array([-k]))) for k, name in enumerate(names, start=1)
+    }
+    before = total(states)
     for gives, one, other, share in events:
         sender, receiver = names[one], names[other]
         if gives and sender != receiver:
-            ledgers[sender] = ledgers[sender].give({receiver: share}, 1 - share)
-        elif receiver in ledgers[sender].given:
-            ledgers[receiver] = ledgers[receiver].take(sender, ledgers[sender].given[receiver])
-    np.testing.assert_allclose(total(ledgers), before, rtol=1e-13)
+            states[sender] = states[sender].send({receiver: share}, 1 - share)
+        elif receiver in states[sender].sent:
+            states[receiver] = states[receiver].receive(sender, states[sender].sent[receiver])
+    np.testing.assert_allclose(total(states), before, rtol=1e-13)
 
 
 @pytest.mark.parametrize("schedule", SCHEDULES)
@@ -86,9 +89,28 @@ def test_without_loss_it_is_the_papers_iteration(schedule: str, closing_rounds: 
             np.testing.assert_allclose(one.omega, other.omega, rtol=0, atol=1e-12)
 
 
-def test_strict_experiments_have_no_resilient_learner() -> None:
-    with pytest.raises(ExperimentError, match="mixing is strict, expected resilient"):
-        build_resilient_learner(experiment(), "ann")
+def test_an_experiment_decides_how_its_learners_mix() -> None:
+    strict, resilient = experiment(), experiment({"mixing": {"kind": "resilient", "smallest_weight": 0.25}})
+    schedule = strict.edge_schedule
+    assert build_learner(strict, "ann").mixer == StrictMixer("ann", schedule)
+    assert build_learner(resilient, "ann").mixer == PushSumMixer("ann", schedule, 0.25)
+    assert (strict.mixing.declares_members, resilient.mixing.declares_members) == (False, True)
+
+
+def test_a_strict_network_cannot_go_on_without_a_message() -> None:
+    settings = experiment()
+    with pytest.raises(ScheduleError, match="iteration 2: parameters of learners"):
+        simulate(settings, demonstrations(settings), delivers=lambda n, _sender, _receiver: n < 2)
+
+
+def test_a_schedule_that_stops_may_stop_with_the_last_iteration() -> None:
+    slots = [[["ann", "bob"], ["bob", "ann"]]] * experiment().iterations
+    written = {"kind": "slots", "slots": slots, "end": "stop"}
+    changes = {"learners": ["ann", "bob"], "schedule": written}
+    strict, resilient = experiment(changes), experiment({**changes, **RESILIENT})
+    streams = demonstrations(strict)
+    expected, found = (simulate(settings, streams)["ann"][-1] for settings in (strict, resilient))
+    np.testing.assert_allclose(found.theta, expected.theta, rtol=0, atol=1e-12)
 
 
 # A stationary problem that shows a bias: learner v minimises |x - b_v|^2 / 2, together they minimise at the mean of b.
@@ -117,21 +139,21 @@ ITERATIONS = 6000
 def by_push_sum(arrives: Callable[[int, int], bool]) -> Array:
     """Every learner's final estimate, shape (4, 2)."""
     schedule, size = ring(), TARGETS.shape[1]
-    ledgers = [opening(Parameters(np.zeros(size), np.zeros(0))) for _ in range(4)]
+    states = [PushSumState.init(Parameters(np.zeros(size), np.zeros(0))) for _ in range(4)]
     for n in range(1, ITERATIONS + 1):
-        estimates = [ledger.estimate(size).theta for ledger in ledgers]
+        estimates = [state.estimate().theta for state in states]
         weights = schedule.weights(n)
-        for v, ledger in enumerate(ledgers):
-            shares = {str(u): float(weights[u, v]) for u in range(4) if u != v and weights[u, v] > 0}
-            ledgers[v] = ledger.give(shares, float(weights[v, v]))
-        sent = [ledger.given for ledger in ledgers]
+        for v, state in enumerate(states):
+            outgoing_weights = {str(u): float(weights[u, v]) for u in range(4) if u != v and weights[u, v] > 0}
+            states[v] = state.send(outgoing_weights, float(weights[v, v]))
+        sent = [state.sent for state in states]
         for v in range(4):
             for u in schedule.in_neighbours(v, n):
                 if arrives(u, v):
-                    ledgers[v] = ledgers[v].take(str(u), sent[u][str(v)])
+                    states[v] = states[v].receive(str(u), sent[u][str(v)])
             step = -STEPS.at(n)[1] * (estimates[v] - TARGETS[v])
-            ledgers[v] = ledgers[v].moved(Parameters(step, np.zeros(0)))
-    return np.stack([ledger.estimate(size).theta for ledger in ledgers])
+            states[v] = states[v].add_to_mass(Parameters(step, np.zeros(0)))
+    return np.stack([state.estimate().theta for state in states])
 
 
 def by_keeping_the_weight(arrives: Callable[[int, int], bool]) -> Array:
@@ -191,8 +213,10 @@ def test_learners_of_a_game_end_where_they_end_without_loss(loss: str) -> None:
     streams, arrives = streams_of_one_each(), LOSSES[loss](np.random.default_rng(2))
     index = FOUR["learners"].index
     expected = common_estimate(simulate(experiment(GAME), streams))
-    history = simulate_resilient(
-        experiment({**GAME, **RESILIENT}), streams, lambda _, sender, receiver: arrives(index(sender), index(receiver))
+    history = simulate(
+        experiment({**GAME, **RESILIENT}),
+        streams,
+        delivers=lambda _, sender, receiver: arrives(index(sender), index(receiver)),
     )
     assert distance(common_estimate(history), expected) < 0.03
 
@@ -201,14 +225,16 @@ def test_learners_that_keep_a_silent_neighbours_weight_end_elsewhere(monkeypatch
     streams, arrives = streams_of_one_each(), unequal_loss(np.random.default_rng(2))
     expected = common_estimate(simulate(experiment(GAME), streams))
 
-    def mix(learner: Learner, state: LearnerState, neighbours: Mapping[int, Parameters]) -> Parameters:
-        weights = learner.schedule.weights(state.iteration)[learner.index]
-        heard = {u: known for u, known in neighbours.items() if arrives(u, learner.index)}
+    def weighted_sum(mixer: StrictMixer, state: StrictState, iteration: int) -> Parameters:
+        index = mixer.schedule.learners.index
+        weights = mixer.schedule.weights(iteration)[index(mixer.name)]
+        neighbours: Mapping[int, Parameters] = {index(name): known for name, known in (state.received or {}).items()}
+        heard = {u: known for u, known in neighbours.items() if arrives(u, index(mixer.name))}
         kept = 1.0 - sum(weights[u] for u in heard)
         parts = [(kept, state.parameters), *((weights[u], known) for u, known in heard.items())]
         return Parameters(
             sum(weight * part.theta for weight, part in parts), sum(weight * part.omega for weight, part in parts)
         )
 
-    monkeypatch.setattr(Learner, "_mix", mix)
+    monkeypatch.setattr(StrictMixer, "_weighted_sum", weighted_sum)
     assert distance(common_estimate(simulate(experiment(GAME), streams)), expected) > 0.2

@@ -4,6 +4,7 @@ import pytest
 from experiments import experiment
 
 from mabirds_core.algorithm.parameters import StepSizes
+from mabirds_core.consensus.strict import StrictMixer
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.assembly import build_game, build_learner
 from mabirds_core.planners.occupancy import ExactExpectation, SampledExpectation
@@ -15,7 +16,7 @@ def test_a_learner_has_the_settings_of_its_experiment() -> None:
     learner = build_learner(settings, "cid")
     assert (learner.index, learner.window, learner.seed) == (2, 3, settings.seed)
     assert learner.steps == StepSizes(**steps)
-    assert learner.schedule == settings.edge_schedule
+    assert learner.mixer == StrictMixer("cid", settings.edge_schedule)
     assert learner.game.digest == build_game(settings).digest
 
 

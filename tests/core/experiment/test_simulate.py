@@ -11,6 +11,7 @@ from identity import assert_same_histories
 from mabirds_core.algorithm.learner import LearnerState
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Vector
+from mabirds_core.consensus.strict import StrictState
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.assembly import build_learner
 from mabirds_core.experiment.file import Experiment
@@ -36,8 +37,8 @@ def by_hand(settings: Experiment, streams: dict[str, list[Trajectories]], order:
         for name in order:
             edges = settings.edge_schedule.edges(n)
             senders = [u for u, v in edges if v == settings.learners.index(name)]
-            neighbours = {u: before[settings.learners[u]].parameters for u in senders}
-            states[name] = learners[name].update(before[name], streams[name][n - 1], neighbours).state
+            neighbours = {settings.learners[u]: before[settings.learners[u]].parameters for u in senders}
+            states[name] = learners[name].step(before[name], streams[name][n - 1], neighbours).state
             history[name].append(states[name].parameters)
     return history
 
@@ -155,10 +156,10 @@ def gradients_at(
     gradients = []
     for v, name in enumerate(settings.learners):
         senders = settings.edge_schedule.in_neighbours(v, n)
-        neighbours = {u: history[settings.learners[u]][n - 1] for u in senders}
-        state = LearnerState(n, history[name][n - 1], ())
-        update = build_learner(settings, name).update(state, streams[name][n - 1], neighbours)
-        gradients.append(update.gradient)
+        neighbours = {settings.learners[u]: history[settings.learners[u]][n - 1] for u in senders}
+        state = LearnerState(n, StrictState(history[name][n - 1]), ())
+        result = build_learner(settings, name).step(state, streams[name][n - 1], neighbours)
+        gradients.append(result.gradient)
     return gradients
 
 

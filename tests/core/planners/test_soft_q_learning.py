@@ -282,7 +282,7 @@ class Watched:
 def test_the_simulator_is_asked_only_in_states_that_episodes_meet() -> None:
     game = building()
     watched = Watched(game.successor)
-    game.__dict__["successor"] = watched
+    game.grid.__dict__["successor"] = watched
     policy = learning(game, episodes=3, sweeps=2).find(*random_parameters(game), rng=rng())
     assert watched.asked == set(visited(policy).tolist())
     assert len(watched.asked) < game.n_states / 2
@@ -339,8 +339,8 @@ def test_a_learner_starts_every_search_from_the_one_before() -> None:
     assert isinstance(learner.estimator.finder, SoftQFinder)
     state, known = learner.initial_state(), [set[int]()]
     for n, demonstration in enumerate(demonstrations(settings)["ann"], start=1):
-        neighbours = dict.fromkeys(learner.schedule.in_neighbours(learner.index, n), state.parameters)
-        state = learner.update(state, demonstration, neighbours).state
+        neighbours = dict.fromkeys(learner.mixer.schedule.senders_to("ann", n), state.parameters)
+        state = learner.step(state, demonstration, neighbours).state
         assert isinstance(state.policy, SoftQPolicy)
         known.append(set(visited(state.policy).tolist()))
     assert all(fewer <= more for fewer, more in pairwise(known))

@@ -18,7 +18,6 @@ from mabirds_bringup.run import processes
 from mabirds_bringup.run.supervisor import Supervisor
 from mabirds_bringup.watch.monitor import MonitorNode
 from mabirds_core.consensus.schedule import Delivered
-from mabirds_core.consensus.settings import ResilientMixing
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History
@@ -122,7 +121,7 @@ class Network:
     @property
     def _expendable(self) -> Sequence[str]:
         """Who may die for good: learners in resilient mode."""
-        return self.names if isinstance(self.experiment.mixing, ResilientMixing) and not self.method else ()
+        return self.names if self.experiment.mixing.declares_members and not self.method else ()
 
     @cached_property
     def _run(self) -> str:

@@ -12,7 +12,6 @@ from xml.etree import ElementTree as ET
 from rclpy.exceptions import InvalidNamespaceException
 from rclpy.validate_namespace import validate_namespace
 
-from mabirds_core.consensus.settings import ResilientMixing
 from mabirds_core.experiment.file import Experiment
 from mabirds_msgs_py import topics
 from mabirds_msgs_py.security import SecurityError
@@ -101,7 +100,7 @@ class Policy:
         schedule = self.experiment.edge_schedule
         edges = [(schedule.learners[sender], schedule.learners[receiver]) for sender, receiver in schedule.all_edges]
         senders = [sender for sender, receiver in edges if receiver == name]
-        if isinstance(self.experiment.mixing, ResilientMixing):
+        if self.experiment.mixing.declares_members:
             given = [self._of(name, topics.mass(receiver)) for sender, receiver in edges if sender == name]
             taken = self._each(senders, topics.mass(name))
             return given, [*taken, self._of(topics.MEMBERSHIP)], []
@@ -133,7 +132,7 @@ class Policy:
 
     @property
     def _has_members(self) -> bool:
-        return isinstance(self.experiment.mixing, ResilientMixing) and not self.method
+        return self.experiment.mixing.declares_members and not self.method
 
     @property
     def _learning(self) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from mabirds_core.experiment.assembly import build_learner, build_method
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.texts import shortened
 from mabirds_learner.diagnostics import HARMLESS
-from mabirds_learner.inbox import accept
+from mabirds_learner.inbox import check_iteration
 from mabirds_msgs_py.conversion import read_parameters, require_sender, schedule_message
 
 EXPECTED = HARMLESS | {"wrong_experiment", "wrong_schedule"}
@@ -39,7 +39,7 @@ class Admission:
     def parameters(self, name: str, message: ParametersMessage, known: Mapping[int, Parameters]) -> Parameters:
         """theta(n), omega(n) of ``name``; ``known``: those that it has sent before, by iteration."""
         parameters = read_parameters(message, name, self.digest, self._schedule.digest, self._initial[name])
-        accept(message.iteration, 1, known, self.last, parameters)
+        check_iteration(message.iteration, 1, known, self.last, parameters)
         return parameters
 
     def status(self, name: str, message: LearnerStatus) -> None:

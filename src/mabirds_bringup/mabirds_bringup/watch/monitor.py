@@ -15,7 +15,6 @@ from rclpy.node import Node
 from mabirds_bringup.watch.admission import EXPECTED, Admission
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.consensus.schedule import Delivered
-from mabirds_core.consensus.settings import ResilientMixing
 from mabirds_core.errors import RefusedMessageError
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History
@@ -65,7 +64,7 @@ class MonitorNode(Node):
         self.lost: dict[str, set[int]] = {name: set() for name in self.names}
         self._fetch: dict[str, Client] = {}
         self._declared: set[str] = set()
-        if isinstance(experiment.mixing, ResilientMixing):
+        if experiment.mixing.declares_members:
             self._membership_publisher = self.create_publisher(Membership, topics.MEMBERSHIP, latched(1))
         for name in self.names:
             self._watch(name)
@@ -198,7 +197,7 @@ class MonitorNode(Node):
         metrics = [dict(zip(one.metric_names, one.metric_values, strict=False)) for one in self.statuses.values()]
         if not all("weight" in one for one in metrics) or len({one.epoch for one in self.statuses.values()}) > 1:
             return None
-        signs = {"weight": 1, "weight_given": 1, "weight_taken": -1, "weight_brought": -1}
+        signs = {"weight": 1, "weight_sent": 1, "weight_received": -1, "initial_weight": -1}
         return sum(signs.get(name.split(".")[0], 0) * value for one in metrics for name, value in one.items())
 
     def delivered(self) -> Delivered:

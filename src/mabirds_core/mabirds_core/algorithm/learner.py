@@ -8,19 +8,19 @@ At iteration n learner v holds theta, omega and
      theta <- sum_u W(n)[v,u] theta_u - beta(n)/l  sum_{i<l} ( mean_j grad J(zeta^j) - grad J(zeta(n-i)) )
 with alpha(n) = abar / n^eta1, beta(n) = bbar / n^eta2; terms with n - i <= 0 are zero.
 
-This one function serves the in-process network and the ROS nodes.
+Step 4 is a mixer's: strict as written here, or by push-sum. This one function serves the in-process network and the
+ROS nodes.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mabirds_core.algorithm.gradient import GradientEstimator, stacked
 from mabirds_core.algorithm.parameters import Parameters, StepSizes
-from mabirds_core.consensus.schedule import EdgeSchedule
-from mabirds_core.errors import ScheduleError
+from mabirds_core.consensus.mixer import AnyMixer, MixerState
 from mabirds_core.games.interface import ConstrainedMarkovGame, Trajectories
 from mabirds_core.planners.interface import Policy
 
@@ -28,24 +28,30 @@ from mabirds_core.planners.interface import Policy
 class LearnerState(NamedTuple):
     """A learner before its update n: theta(n), omega(n), and its demonstrations zeta(n-1), ..., zeta(n-l+1).
 
-    ``policy``: what it found at iteration n - 1, from which the search at n starts.
+    ``mixing``: what its mixer knows, theta(n) and omega(n) among it. ``policy``: what it found at iteration n - 1,
+    from which the search at n starts.
     """
 
     iteration: int
-    parameters: Parameters
+    mixing: MixerState
     recent: tuple[Trajectories, ...]
     policy: Policy | None = None
 
+    @property
+    def parameters(self) -> Parameters:
+        """theta(n), omega(n)."""
+        return self.mixing.parameters
 
-class Lesson(NamedTuple):
-    """What a demonstration teaches at theta(n), omega(n): a gradient of G, and what the next iteration needs."""
+
+class LocalGradient(NamedTuple):
+    """The gradient of G at theta(n), omega(n) for the demonstrations of the window, and what iteration n + 1 needs."""
 
     gradient: Parameters
     recent: tuple[Trajectories, ...]
     policy: Policy
 
 
-class Update(NamedTuple):
+class StepResult(NamedTuple):
     """The state of iteration n + 1 and the gradient of G that led there."""
 
     state: LearnerState
@@ -58,7 +64,7 @@ class Learner:
 
     index: int
     estimator: GradientEstimator
-    schedule: EdgeSchedule
+    mixer: AnyMixer
     steps: StepSizes
     window: int
     seed: int
@@ -70,43 +76,31 @@ class Learner:
 
     def initial_state(self) -> LearnerState:
         """Iteration 1: theta(1) of the reward model, the same for every learner; omega(1) = 0."""
-        return LearnerState(1, self.estimator.initial_parameters(self.seed), ())
+        return LearnerState(1, self.mixer.initial(self.estimator.initial_parameters(self.seed)), ())
 
-    def update(self, state: LearnerState, demonstration: Trajectories, neighbours: Mapping[int, Parameters]) -> Update:
-        """One iteration. ``neighbours`` holds theta(n), omega(n) of exactly the in-neighbours of E(n)."""
-        lesson = self.learn(state, demonstration)
-        after = self.steps.descend(self._mix(state, neighbours), lesson.gradient, state.iteration)
-        return Update(LearnerState(state.iteration + 1, after, lesson.recent, lesson.policy), lesson.gradient)
+    def step(self, state: LearnerState, demonstration: Trajectories, incoming: Mapping[str, Any]) -> StepResult:
+        """Iteration n, with zeta(n) and what in-neighbours of E(n) have sent, by their names, for the mixer."""
+        local, n = self.local_gradient(state, demonstration), state.iteration
 
-    def learn(self, state: LearnerState, demonstration: Trajectories) -> Lesson:
+        def descend(origin: Parameters) -> Parameters:
+            return self.steps.descend(origin, local.gradient, n)
+
+        mixed = self.mixer.mix(self.mixer.incoming(state.mixing, n, incoming), n, descend)
+        return StepResult(LearnerState(n + 1, mixed, local.recent, local.policy), local.gradient)
+
+    def local_gradient(self, state: LearnerState, demonstration: Trajectories) -> LocalGradient:
         """Steps 1 to 3, the part of an iteration that needs nobody else."""
         recent = (demonstration, *state.recent)[: self.window]
         mean, policy = self.estimator(state.parameters, stacked(recent), self._rng(state.iteration), state.policy)
-        share = len(recent) / self.window  # terms with n - i <= 0 are zero
-        gradient = Parameters(share * mean.theta, share * mean.omega)
-        return Lesson(gradient, recent[: self.window - 1], policy)
+        window_fill = len(recent) / self.window  # terms with n - i <= 0 are zero
+        gradient = Parameters(window_fill * mean.theta, window_fill * mean.omega)
+        return LocalGradient(gradient, recent[: self.window - 1], policy)
 
-    def agree(self, state: LearnerState, neighbours: Mapping[int, Parameters]) -> LearnerState:
-        """A closing round: theta and omega are mixed as at every iteration, and no step is taken.
-
-        What is left of the learners' last steps of their own fades; on a complete graph one round ends in agreement.
-        """
-        return state._replace(iteration=state.iteration + 1, parameters=self._mix(state, neighbours))
-
-    def _mix(self, state: LearnerState, neighbours: Mapping[int, Parameters]) -> Parameters:
-        """sum_u W(n)[v, u] (theta_u, omega_u), summed in the order of the learners' list."""
-        expected = self.schedule.in_neighbours(self.index, state.iteration)
-        if sorted(neighbours) != expected:
-            raise ScheduleError(
-                f"iteration {state.iteration}: parameters of learners {sorted(neighbours)}, expected {expected}"
-            )
-        row = self.schedule.weights(state.iteration)[self.index]
-        known = {**neighbours, self.index: state.parameters}
-        theta, omega = (np.zeros_like(own) for own in state.parameters)
-        for learner in sorted(known):
-            theta = theta + row[learner] * known[learner].theta
-            omega = omega + row[learner] * known[learner].omega
-        return Parameters(theta, omega)
+    def consensus_step(self, state: LearnerState, incoming: Mapping[str, Any]) -> LearnerState:
+        """A closing round: theta and omega are mixed as at every iteration, and no step is taken."""
+        n = state.iteration
+        mixed = self.mixer.mix(self.mixer.incoming(state.mixing, n, incoming), n, None)
+        return state._replace(iteration=n + 1, mixing=mixed)
 
     def _rng(self, iteration: int) -> np.random.Generator:
         """A generator of its own for each learner and iteration, so that a restart needs no saved generator."""

@@ -1,7 +1,8 @@
 """A learner's state as named arrays, which is what checkpoints hold, and back.
 
-Everything that decides the iterations to come is in it: theta, omega, the demonstrations of the window, and what the
-policy finder wants to remember. Generators are not: each iteration makes its own from (seed, learner, iteration).
+Everything that decides the iterations to come is in it: theta, omega, what its mixer knows besides, the demonstrations
+of the window, and what the policy finder wants to remember. Generators are not: each iteration makes its own from
+(seed, learner, iteration).
 """
 
 from collections.abc import Mapping
@@ -12,19 +13,16 @@ import numpy as np
 from mabirds_core.algorithm.learner import Learner, LearnerState
 from mabirds_core.algorithm.parameters import LARGEST, Parameters
 from mabirds_core.arrays import Array
-from mabirds_core.consensus.push_sum import Ledger, RunningSum
 from mabirds_core.errors import CheckpointError
-
-LEDGER = ("mass.given.", "mass.taken.")
-"""Prefixes of the running sums of a ledger, by neighbour; ``mass`` is what the learner holds itself."""
 
 MEMORY = "policy."
 """Prefix of the arrays that the policy finder remembers."""
 
 
 def to_arrays(learner: Learner, state: LearnerState) -> dict[str, Array]:
-    """The state, without its iteration number: theta, omega, recent.K.states, recent.K.actions, policy.NAME."""
-    arrays = {"theta": state.parameters.theta, "omega": state.parameters.omega}
+    """The state without its iteration number: theta, omega, recent.K.states, recent.K.actions, policy.NAME, mixer's."""
+    own = {"theta": state.parameters.theta, "omega": state.parameters.omega}
+    arrays = {**own, **learner.mixer.to_arrays(state.mixing)}
     for number, trajectory in enumerate(state.recent):
         arrays |= dict(zip(_names(number), learner.game.encode(trajectory), strict=True))
     if state.policy is not None:
@@ -42,7 +40,8 @@ def from_arrays(learner: Learner, iteration: int, arrays: Mapping[str, Array]) -
     recent = tuple(learner.game.decode(*(arrays[name] for name in names)) for names in recorded)
     memory = {name.removeprefix(MEMORY): values for name, values in arrays.items() if name.startswith(MEMORY)}
     policy = learner.estimator.finder.recall(memory) if memory else None
-    return LearnerState(iteration, parameters_of(learner, arrays), recent, policy)
+    mixing = learner.mixer.from_arrays(parameters_of(learner, arrays), arrays)
+    return LearnerState(iteration, mixing, recent, policy)
 
 
 def parameters_of(learner: Learner, arrays: Mapping[str, Array]) -> Parameters:
@@ -53,26 +52,6 @@ def parameters_of(learner: Learner, arrays: Mapping[str, Array]) -> Parameters:
         if values.shape != expected.shape or not (np.abs(values) <= LARGEST).all():
             raise CheckpointError(f"{name}: expected {expected.size} numbers of at most {LARGEST:g}")
     return found
-
-
-def ledger_arrays(ledger: Ledger) -> dict[str, Array]:
-    """A ledger: mass, shape (K,); mass.given.NAME and mass.taken.NAME, total and rest, shape (2, K)."""
-    sides = zip(LEDGER, (ledger.given, ledger.taken), strict=True)
-    sums = {f"{prefix}{name}": np.stack(one) for prefix, side in sides for name, one in side.items()}
-    return {"mass": ledger.own, **sums}
-
-
-def ledger_from(arrays: Mapping[str, Array], size: int) -> Ledger:
-    """Inverse of ``ledger_arrays`` for masses of ``size`` numbers; raises CheckpointError where they do not fit."""
-    chosen = {name: values for name, values in arrays.items() if name == "mass" or name.startswith(LEDGER)}
-    for name, values in chosen.items():
-        if values.shape != ((size,) if name == "mass" else (2, size)) or not np.isfinite(values).all():
-            raise CheckpointError(f"{name}: expected finite numbers, {size} in a row")
-    given, taken = (
-        {name.removeprefix(prefix): RunningSum(*values) for name, values in chosen.items() if name.startswith(prefix)}
-        for prefix in LEDGER
-    )
-    return Ledger(arrays.get("mass", np.zeros(size)), given, taken)
 
 
 def _names(number: int) -> tuple[str, str]:

@@ -39,7 +39,7 @@ class Bics:
         recent = (demonstrations, *state.seen)[: self.window]
         rng = np.random.default_rng([self.seed, n])
         mean, policy = self.estimator(state.parameters, stacked(recent), rng, state.policy)
-        share = len(recent) / self.window  # terms with n - i <= 0 are zero
-        gradient = Parameters(share * mean.theta, share * mean.omega)
+        window_fill = len(recent) / self.window  # terms with n - i <= 0 are zero
+        gradient = Parameters(window_fill * mean.theta, window_fill * mean.omega)
         after = self.steps.descend(state.parameters, gradient, n)
         return CentralState(n + 1, after, recent[: self.window - 1], policy, state.work.more(1, 1))

@@ -2,9 +2,9 @@
 
 A learner holds a mass s (theta and omega) and its weight y; its estimate is s / y. In a slot that opens the edge to u
 it gives u the share W[u, v] of mass and weight and keeps W[v, v]. What it sends is not the share but the sum
-sigma_uv of all shares it ever gave to u, and u adds what is new to it since the sum rho_uv that it took last:
+sigma_vu of all shares it ever gave to u, and u adds what is new to it since the sum rho_vu that it received last:
 
-    s_v <- W[v, v] s_v + sum_u (sigma_vu - rho_vu),     rho_vu <- sigma_vu,     the same for y
+    s_v <- W[v, v] s_v + sum_u (sigma_uv - rho_uv),     rho_uv <- sigma_uv,     the same for y
 
 A message that is lost is contained in the next one. Until then its content is under way, neither lost nor counted
 twice: sum_v y_v + sum over edges of (sigma - rho) never changes, and s with it. While everything arrives in its own
@@ -49,41 +49,52 @@ class RunningSum(NamedTuple):
         return np.asarray((self.total - earlier.total) + (self.rest - earlier.rest))
 
 
-class Ledger(NamedTuple):
-    """One learner's side of the exchange: its mass, and by neighbour what it gave and what it took in all."""
+class PushSumState(NamedTuple):
+    """One learner's side of the exchange.
 
-    own: Vector
-    given: Mapping[str, RunningSum]
-    taken: Mapping[str, RunningSum]
+    ``mass``: s and y, shape (K_theta + K_omega + 1,). ``sent``, ``received``: by neighbour all that it was ever sent,
+    sigma, and all that was taken of what it sent, rho. ``parameters``: the estimate theta, omega = s / y, of when y
+    was last large enough for one.
+    """
+
+    mass: Vector
+    sent: Mapping[str, RunningSum]
+    received: Mapping[str, RunningSum]
+    parameters: Parameters
+
+    @classmethod
+    def init(cls, parameters: Parameters, initial_weight: float = 1.0) -> "PushSumState":
+        """A learner that knows nobody yet: s = y (theta, omega), y = ``initial_weight``; 0: it brings no mass."""
+        mass = initial_weight * np.concatenate([parameters.theta, parameters.omega, [1.0]])
+        return cls(mass, {}, {}, parameters)
 
     @property
     def weight(self) -> float:
         """y."""
-        return float(self.own[-1])
+        return float(self.mass[-1])
 
-    def give(self, shares: Mapping[str, float], kept: float) -> "Ledger":
-        """Give each neighbour its share of the mass and keep the share ``kept``; shares and kept sum to 1."""
-        given = {name: self._given(name).plus(share * self.own) for name, share in shares.items()}
-        return Ledger(kept * self.own, {**self.given, **given}, self.taken)
+    def send(self, outgoing_weights: Mapping[str, float], own_weight: float) -> "PushSumState":
+        """sigma_vu <- sigma_vu + W[u, v] s_v for each neighbour u, s_v <- W[v, v] s_v; the weights sum to 1."""
+        sent = {name: self._sent(name).plus(weight * self.mass) for name, weight in outgoing_weights.items()}
+        return self._replace(mass=own_weight * self.mass, sent={**self.sent, **sent})
 
-    def _given(self, name: str) -> RunningSum:
-        return self.given.get(name) or RunningSum.zero(self.own.size)
+    def _sent(self, name: str) -> RunningSum:
+        return self.sent.get(name) or RunningSum.zero(self.mass.size)
 
-    def take(self, name: str, total: RunningSum) -> "Ledger":
-        """Add what ``name`` has given since its sum was taken last."""
-        news = total.since(self.taken.get(name) or RunningSum.zero(self.own.size))
-        return Ledger(self.own + news, self.given, {**self.taken, name: total})
+    def receive(self, name: str, total: RunningSum) -> "PushSumState":
+        """s_v <- s_v + sigma_uv - rho_uv, rho_uv <- sigma_uv: what ``name`` has sent since its last sum arrived."""
+        news = total.since(self.received.get(name) or RunningSum.zero(self.mass.size))
+        return self._replace(mass=self.mass + news, received={**self.received, name: total})
 
-    def estimate(self, n_theta: int) -> Parameters:
-        """s / y as theta (the first ``n_theta`` numbers) and omega."""
-        ratio = self.own[:-1] / self.weight
+    def estimate(self) -> Parameters:
+        """s / y as theta and omega."""
+        ratio, n_theta = self.mass[:-1] / self.weight, self.parameters.theta.size
         return Parameters(ratio[:n_theta], ratio[n_theta:])
 
-    def moved(self, step: Parameters) -> "Ledger":
-        """The step added to the mass; the weight stays."""
-        return self._replace(own=self.own + np.concatenate([step.theta, step.omega, [0.0]]))
+    def with_estimate(self) -> "PushSumState":
+        """The state with ``parameters`` anew."""
+        return self._replace(parameters=self.estimate())
 
-
-def opening(parameters: Parameters, weight: float = 1.0) -> Ledger:
-    """The ledger of a learner that knows nobody yet. ``weight`` 0: a newcomer, which brings no mass."""
-    return Ledger(weight * np.concatenate([parameters.theta, parameters.omega, [1.0]]), {}, {})
+    def add_to_mass(self, step: Parameters) -> "PushSumState":
+        """s <- s + step; y stays."""
+        return self._replace(mass=self.mass + np.concatenate([step.theta, step.omega, [0.0]]))

@@ -75,15 +75,30 @@ class EdgeSchedule:
     def _slot(self, iteration: int) -> int:
         """Which slot iteration n uses; raises ScheduleError after the last one of a schedule that stops."""
         period = len(self.slots)
-        if self.end == "stop" and iteration > period:
+        if self._is_over(iteration):
             raise ScheduleError(f"iteration {iteration}: the schedule stops after its {period} slots; add slots")
         return min(iteration, period) - 1 if self.end == "hold" else (iteration - 1) % period
 
+    def _is_over(self, iteration: int) -> bool:
+        """Is n after the last slot of a schedule that stops?"""
+        return self.end == "stop" and iteration > len(self.slots)
+
     def in_neighbours(self, learner: int, iteration: int) -> list[int]:
         """Whose parameters of iteration n the learner mixes in, sorted; nobody's after the end of a schedule."""
-        if self.end == "stop" and iteration > len(self.slots):
+        if self._is_over(iteration):
             return []
         return sorted(sender for sender, receiver in self.edges(iteration) if receiver == learner)
+
+    def senders_to(self, name: str, iteration: int) -> list[str]:
+        """Names of the in-neighbours of E(n), in the order of ``learners``."""
+        return [self.learners[u] for u in self.in_neighbours(self.learners.index(name), iteration)]
+
+    def receivers_of(self, name: str, iteration: int) -> list[str]:
+        """Names of the out-neighbours of E(n), in the order of ``learners``; none after the end of a schedule."""
+        if self._is_over(iteration):
+            return []
+        own = self.learners.index(name)
+        return [self.learners[receiver] for sender, receiver in sorted(self.edges(iteration)) if sender == own]
 
     def ever_in_neighbours(self, learner: int) -> list[int]:
         """Whose parameters the learner mixes in at some iteration, sorted: whom it subscribes to."""

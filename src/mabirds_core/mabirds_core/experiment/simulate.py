@@ -1,18 +1,19 @@
 """The in-process network: N_L learners in one loop. The reference that the ROS network must equal bit for bit.
 
-Central methods run in the same way, on the demonstrations of all learners.
+Central methods run in the same loop, one on the demonstrations of all learners.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from time import perf_counter
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from mabirds_core.algorithm.gradient import stacked
+from mabirds_core.algorithm.learner import Learner, LearnerState
 from mabirds_core.algorithm.parameters import Parameters
-from mabirds_core.baselines.interface import Work
-from mabirds_core.consensus.settings import ResilientMixing
+from mabirds_core.baselines.interface import CentralMethod, CentralState, Work
 from mabirds_core.errors import ExperimentError
-from mabirds_core.experiment.assembly import build_game, build_learner, build_method, build_resilient_learner
+from mabirds_core.experiment.assembly import build_game, build_learner, build_method
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.planners.interface import Policy
@@ -36,78 +37,106 @@ class Progress(NamedTuple):
 OnUpdate = Callable[[Progress], None]
 
 
-def simulate(experiment: Experiment, demonstrations: Streams, on_update: OnUpdate = lambda _: None) -> History:
-    """Run every learner for ``experiment.iterations`` updates, ``on_update`` is called after each, and closing rounds.
-
-    In resilient mode as if nothing were lost. Raises ExperimentError for a stream that is too short.
-    """
-    if isinstance(experiment.mixing, ResilientMixing):
-        return simulate_resilient(experiment, demonstrations, on_update=on_update)
-    _require_streams(experiment, demonstrations)
-    game = build_game(experiment)
-    learners = {name: build_learner(experiment, name, game) for name in experiment.learners}
-    states = {name: learner.initial_state() for name, learner in learners.items()}
-    history: History = {name: [state.parameters] for name, state in states.items()}
-    for iteration in range(1, experiment.iterations + experiment.closing_rounds + 1):
-        known = {learner.index: states[name].parameters for name, learner in learners.items()}
-        for name, learner in learners.items():
-            neighbours = {u: known[u] for u in learner.schedule.in_neighbours(learner.index, iteration)}
-            if iteration > experiment.iterations:
-                states[name] = learner.agree(states[name], neighbours)
-            else:
-                start = perf_counter()
-                states[name] = learner.update(states[name], demonstrations[name][iteration - 1], neighbours).state
-                seconds = perf_counter() - start
-                on_update(Progress(name, seconds, Work(iteration, iteration), states[name].policy))
-            history[name].append(states[name].parameters)
-    return history
-
-
 Delivers = Callable[[int, str, str], bool]
 """Does the message of iteration n from a sender to a receiver arrive? In that iteration; what is lost comes later."""
 
 
-def simulate_resilient(
+def simulate(
     experiment: Experiment,
     demonstrations: Streams,
-    delivers: Delivers = lambda *_: True,
     on_update: OnUpdate = lambda _: None,
+    delivers: Delivers = lambda *_: True,
 ) -> History:
-    """The same in resilient mode, on a network that loses what ``delivers`` says it loses."""
+    """Run every learner for ``experiment.iterations`` updates, ``on_update`` is called after each, and closing rounds.
+
+    ``delivers``: a network that loses messages, which resilient mixing survives. Raises ExperimentError for a stream
+    that is too short, and ScheduleError where a message to a strict mixer is lost, for which it would wait for ever.
+    """
     _require_streams(experiment, demonstrations)
     game = build_game(experiment)
-    learners = {name: build_resilient_learner(experiment, name, game) for name in experiment.learners}
-    states = {name: one.begin(one.learner.initial_state()) for name, one in learners.items()}
-    history: History = {name: [state.learner.parameters] for name, state in states.items()}
-    for iteration in range(1, experiment.iterations + experiment.closing_rounds + 1):
-        sent = {name: state.ledger.given for name, state in states.items()}
-        for name, one in learners.items():
-            scheduled = (experiment.learners[u] for u in one.schedule.in_neighbours(one.learner.index, iteration))
-            sums = {u: sent[u][name] for u in scheduled if name in sent[u] and delivers(iteration, u, name)}
-            if iteration > experiment.iterations:
-                states[name] = one.agree(states[name], sums)
-            else:
-                start = perf_counter()
-                states[name] = one.update(states[name], demonstrations[name][iteration - 1], sums).state
-                on_update(Progress(name, perf_counter() - start, Work(iteration, iteration)))
-            history[name].append(states[name].learner.parameters)
-    return history
+    parts: dict[str, _Part] = {}
+    for name in experiment.learners:
+        learner = build_learner(experiment, name, game)
+        parts[name] = _LearnerPart(learner, demonstrations[name], experiment.iterations, learner.initial_state())
+    return _run(parts, experiment.iterations + experiment.closing_rounds, on_update, delivers)
 
 
 def simulate_central(
     experiment: Experiment, name: str, demonstrations: Streams, on_update: OnUpdate = lambda _: None
 ) -> History:
-    """Run central method ``name`` on all streams; otherwise as ``simulate``."""
+    """Run central method ``name`` on all streams; otherwise as ``simulate``, without closing rounds."""
     _require_streams(experiment, demonstrations)
     method = build_method(experiment, name)
-    state = method.initial_state()
-    history: History = {name: [state.parameters]}
-    for iteration in range(1, experiment.iterations + 1):
-        pooled = stacked([demonstrations[learner][iteration - 1] for learner in experiment.learners])
-        start = perf_counter()
-        state = method.update(state, pooled)
-        history[name].append(state.parameters)
-        on_update(Progress(name, perf_counter() - start, state.work, state.policy))
+    streams = [demonstrations[learner] for learner in experiment.learners]
+    return _run({name: _CentralPart(method, streams, method.initial_state())}, experiment.iterations, on_update)
+
+
+class _Part(Protocol):
+    """Who takes part in the loop: its state, its demonstrations, and how to go on."""
+
+    @property
+    def state(self) -> LearnerState | CentralState:
+        """Before update n."""
+        ...
+
+    def outgoing(self) -> Mapping[str, Any]:
+        """What it sends at iteration n, by receiver."""
+        ...
+
+    def advance(self, incoming: Mapping[str, Any]) -> Work | None:
+        """Make update n; all work since the beginning, or None where there was none but mixing."""
+        ...
+
+
+@dataclass
+class _LearnerPart:
+    learner: Learner
+    stream: Sequence[Trajectories]
+    iterations: int
+    state: LearnerState
+
+    def outgoing(self) -> Mapping[str, Any]:
+        return self.learner.mixer.outgoing(self.state.mixing, self.state.iteration)
+
+    def advance(self, incoming: Mapping[str, Any]) -> Work | None:
+        n = self.state.iteration
+        if n > self.iterations:
+            self.state = self.learner.consensus_step(self.state, incoming)
+            return None
+        self.state = self.learner.step(self.state, self.stream[n - 1], incoming).state
+        return Work(n, n)
+
+
+@dataclass
+class _CentralPart:
+    method: CentralMethod
+    streams: Sequence[Sequence[Trajectories]]
+    state: CentralState
+
+    def outgoing(self) -> Mapping[str, Any]:
+        return {}
+
+    def advance(self, incoming: Mapping[str, Any]) -> Work | None:  # noqa: ARG002 - nobody sends it anything
+        pooled = stacked([stream[self.state.iteration - 1] for stream in self.streams])
+        self.state = self.method.update(self.state, pooled)
+        return self.state.work
+
+
+def _run(
+    parts: Mapping[str, _Part], iterations: int, on_update: OnUpdate, delivers: Delivers = lambda *_: True
+) -> History:
+    """All send, then one after the other receives and goes on; an order of parts that changes no result."""
+    history: History = {name: [part.state.parameters] for name, part in parts.items()}
+    for n in range(1, iterations + 1):
+        sent = {name: part.outgoing() for name, part in parts.items()}
+        for name, part in parts.items():
+            incoming = {u: of_u[name] for u, of_u in sent.items() if name in of_u and delivers(n, u, name)}
+            start = perf_counter()
+            work = part.advance(incoming)
+            seconds = perf_counter() - start
+            history[name].append(part.state.parameters)
+            if work is not None:
+                on_update(Progress(name, seconds, work, part.state.policy))
     return history
 
 

@@ -1,0 +1,92 @@
+"""What a session drives: its learner as a member of a network, by strict mixing or by push-sum."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from mabirds_core.algorithm.learner import Learner, LearnerState
+from mabirds_core.arrays import Array
+
+
+class Limits(NamedTuple):
+    """How long a learner learns, and how much it keeps.
+
+    ``iterations``: updates to make; ``closing_rounds``: rounds of averaging alone after them.
+    ``demonstration_history``, ``parameter_history``: how many iterations ahead messages are kept.
+    """
+
+    iterations: int
+    demonstration_history: int
+    parameter_history: int
+    closing_rounds: int = 0
+
+    @property
+    def last(self) -> int:
+        """The iteration after which nothing is left to do."""
+        return self.iterations + self.closing_rounds
+
+
+class Member(Protocol):
+    """A learner among its neighbours: its state, what they have sent, and whom it waits for.
+
+    ``on_join``: called after it has entered a network at an iteration that others had reached.
+    """
+
+    learner: Learner
+    state: LearnerState
+    epoch: int
+    on_join: Callable[[], None]
+
+    @property
+    def limits(self) -> Limits:
+        """How long it learns, and how much it keeps."""
+        ...
+
+    @property
+    def departed(self) -> bool:
+        """Does the network go on without this learner?"""
+        ...
+
+    @property
+    def lag(self) -> int:
+        """How many iterations a neighbour is known to be ahead."""
+        ...
+
+    def missing(self) -> list[str]:
+        """Names of the neighbours that update n waits for."""
+        ...
+
+    def incoming(self) -> dict[str, Any]:
+        """What enters update n, by the names of those who sent it."""
+        ...
+
+    def close_iteration(self, iteration: int) -> None:
+        """Forget what has entered an update."""
+        ...
+
+    def metrics(self) -> dict[str, float]:
+        """What is worth watching."""
+        ...
+
+    def arrays(self) -> dict[str, Array]:
+        """What a checkpoint must hold besides the state."""
+        ...
+
+    def restore(self, iteration: int, arrays: Mapping[str, Array]) -> None:
+        """Go on from the arrays of a checkpoint."""
+        ...
+
+
+def nothing() -> None:
+    """Of a member that nobody listens to."""
+
+
+def indices_of(learners: tuple[str, ...], names: list[str]) -> Array:
+    """Places of names in the list of learners, as checkpoints hold them."""
+    return np.array([learners.index(name) for name in names], dtype=np.float64)
+
+
+def names_at(learners: tuple[str, ...], indices: Array) -> list[str]:
+    """Inverse of ``indices_of``."""
+    return [learners[int(u)] for u in indices]
