@@ -19,6 +19,7 @@ from mabirds_core.errors import MabirdsError, RefusedMessageError
 from mabirds_core.experiment.assembly import build_learner, build_method
 from mabirds_core.experiment.simulate import simulate_central
 from mabirds_learner.central_session import CentralSession
+from mabirds_learner.inbox import check_iteration
 from mabirds_learner.learner_session import LearnerSession
 from mabirds_learner.member import Limits
 from mabirds_learner.strict_member import StrictMember
