@@ -13,6 +13,7 @@ setup(
     maintainer="The MA-BIRDS on ROS 2 developers",
     maintainer_email="mabirds@example.org",
     packages=find_packages(exclude=["test"]),
+    package_data={NAME: ["templates/*.jinja"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
@@ -20,7 +21,16 @@ setup(
         (f"share/{NAME}/launch", sorted(map(str, WORKSPACE.glob("launch/*.launch.py")))),
     ],
     python_requires=">=3.11",
-    install_requires=["mabirds_learner", "mabirds_expert_player", "cryptography", "matplotlib", "rich", "typer"],
+    install_requires=[
+        "mabirds_learner",
+        "mabirds_expert_player",
+        "cryptography",
+        "jinja2",
+        "matplotlib",
+        "polars",
+        "rich",
+        "typer",
+    ],
     extras_require={"test": ["pytest"]},  # by which colcon knows how to test
     zip_safe=False,
     entry_points={
