@@ -1,3 +1,3 @@
 from setuptools import setup
 
-setup()  # for colcon; everything is in pyproject.toml
+setup(python_requires=">=3.11")  # colcon cannot read this one out of pyproject.toml, where all the rest is
