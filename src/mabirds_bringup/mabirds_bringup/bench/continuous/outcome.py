@@ -40,15 +40,6 @@ class Judgement:
 
 
 @dataclass(frozen=True)
-class Agreement:
-    """How far the learners of a case are apart."""
-
-    theta: list[float]
-    omega: list[float]
-    policy: float
-
-
-@dataclass(frozen=True)
 class LearnedCase:
     """One case with one seed, learned."""
 
@@ -78,9 +69,9 @@ def run_case(case: Case, seed: int, flights: int = FLIGHTS) -> list[CaseResult]:
     """
     learned = _learned(case, case.seeded(seed), flights)
     judgements = {name: _judgement(learned, name) for name in learned.history}
-    agreement = _agreement(learned, list(judgements.values()))
+    agreement = list(_agreement(learned, list(judgements.values())))
     return [
-        CaseResult(case.group, case.label, name, seed, [*_rows(learned, name, judgement, agreement)])
+        CaseResult(case.group, case.label, name, seed, [*_rows(learned, name, judgement), *agreement])
         for name, judgement in judgements.items()
     ]
 
@@ -117,23 +108,25 @@ def _judgement(learned: LearnedCase, name: str) -> Judgement:
     return Judgement(imitations, flights)
 
 
-def _agreement(learned: LearnedCase, judgements: list[Judgement]) -> Agreement:
+def _agreement(learned: LearnedCase, judgements: list[Judgement]) -> Iterator[MetricsRow]:
+    """How far the learners of the case are apart, the same rows for each."""
     together = list(zip(*learned.history.values(), strict=True))
-    return Agreement(
-        [consensus_distance([parameters.theta for parameters in at_once]) for at_once in together],
-        [consensus_distance([parameters.omega for parameters in at_once]) for at_once in together],
-        flight_distance([place_visitation(learned.game, judgement.flights) for judgement in judgements]),
+    yield from curve(
+        "consensus_theta", [consensus_distance([known.theta for known in at_once]) for at_once in together]
     )
+    yield from curve(
+        "consensus_omega", [consensus_distance([known.omega for known in at_once]) for at_once in together]
+    )
+    places = [place_visitation(learned.game, judgement.flights) for judgement in judgements]
+    yield from entries(len(together) - 1, policy_distance=flight_distance(places))
 
 
-def _rows(learned: LearnedCase, name: str, judgement: Judgement, agreement: Agreement) -> Iterator[MetricsRow]:
+def _rows(learned: LearnedCase, name: str, judgement: Judgement) -> Iterator[MetricsRow]:
     progress, omega = learned.progress[name], learned.history[name][-1].omega
     yield from _rates("", judgement.imitations)
     yield from _rates("actor_", learned.actors.get(name, []))
     yield from curve("seconds", [update.seconds for update in progress], first=1)
-    yield from curve("consensus_theta", agreement.theta)
-    yield from curve("consensus_omega", agreement.omega)
-    numbers = {"peak_memory": learned.peak_memory, "policy_distance": agreement.policy, **progress[-1].work._asdict()}
+    numbers = {"peak_memory": learned.peak_memory, **progress[-1].work._asdict()}
     shown = learned.game.positions(judgement.flights.states[:SHOWN_FLIGHTS])
     arrays = {"omega": omega, "flights": shown, **costs_of(learned.game, omega, learned.streams)}
     rounded = {metric: np.round(values, DIGITS) for metric, values in arrays.items()}
@@ -146,7 +139,7 @@ def _rates(whose: str, imitations: list[Imitation]) -> Iterator[MetricsRow]:
 
 
 def costs_of(game: WholeDroneGame, omega: Vector, streams: Streams) -> dict[str, Array]:
-    """What omega makes cost; ``pillar_inside`` and ``pillar_rim``: (N_E, pillars), ``flown``: (N_E,), by pairs."""
+    """What omega costs: ``pillar_inside``, ``pillar_rim`` (N_E, pillars), ``flown`` (N_E,), ``closeness`` (pairs,)."""
     inside, rim = pillar_costs(game, omega)
     demonstrations = stacked([trajectories for stream in streams.values() for trajectories in stream])
     return {
