@@ -3,7 +3,7 @@ PYTHON ?= $(shell for python in python3.13 python3.12 python3.11 python3; do $$p
   sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null && echo $$python && break; done)
 EXPERIMENT ?= ros_ws/config/patrol.yaml
 
-.PHONY: help setup run simulate test lint pythons colcon clean
+.PHONY: help setup run simulate test lint docs pythons colcon clean
 
 help: ## list the commands
 	@sed -n 's/^\([a-z]*\):.*## /make \1\t/p' $(MAKEFILE_LIST) | expand -t 16
@@ -28,6 +28,9 @@ lint: setup ## check style and types
 	.venv/bin/ruff format --check
 	.venv/bin/mypy
 
+docs: setup ## build the documentation into build/site
+	NO_MKDOCS_2_WARNING=1 .venv/bin/mkdocs build --strict --quiet
+
 pythons: ## run the tests (those of ARGS) with every other Python from 3.11 to 3.13 that is here
 	tools/other_pythons.sh "$(PYTHON)" $(ARGS)
 
@@ -36,5 +39,5 @@ colcon: ## build and test ros_ws with colcon, and hear a node of its install tre
 
 clean: ## remove .venv and everything else that was built (runs/ stays)
 	rm -rf .venv build ros_ws/build ros_ws/install ros_ws/log .pytest_cache .ruff_cache .mypy_cache .hypothesis
-	rm -rf src/*/build src/*/*.egg-info
+	rm -rf src/*/build src/*/*.egg-info packaging/*/build packaging/*/*.egg-info
 	find src ros_ws tests tools -name __pycache__ -prune -exec rm -rf {} +

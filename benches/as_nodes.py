@@ -17,12 +17,12 @@ import yaml
 from mabirds_bringup.bench.continuous.outcome import FLIGHTS
 from mabirds_bringup.bench.learning import drawn_streams
 from mabirds_bringup.console import console, guarded_output
-from mabirds_bringup.evaluate.evaluation import flights_of
 from mabirds_bringup.run.network import Network
-from mabirds_core.experiment.assembly import drone_game, policy_of
+from mabirds_core.experiment.assembly import policy_of
 from mabirds_core.experiment.file import load_experiment
 from mabirds_core.experiment.simulate import History, simulate
-from mabirds_core.metrics.metrics import drone_imitation
+from mabirds_core.games.drones.metrics import drone_imitation
+from mabirds_core.games.drones.study import drone_game, flights_of
 from mabirds_expert_player.recorder import record
 from mabirds_msgs_py.environment import prepare_environment
 

@@ -10,11 +10,12 @@ if [ -n "${ROS_DISTRO:-}" ]; then
   options=(--system-site-packages)
 fi
 [ -x "$venv/bin/python" ] || "${PYTHON:-python3}" -m venv ${options[@]+"${options[@]}"} "$venv"
-# Not what is for development, nor the wheels of ROS. And colcon is older than the pinned setuptools.
+# Not what is for development, nor the wheels of ROS. colcon is older than the pinned setuptools; that of apt is older
+# than licences in pyproject.toml.
 sed -e '/^# Development/,$d' -e '/^ros-jazzy-/d' requirements.txt >"$venv/requirements.txt"
 grep -v '^setuptools==' constraints.txt >"$venv/constraints.txt"
 if [ -n "${TORCH_INDEX_URL:-}" ]; then
   export PIP_EXTRA_INDEX_URL="${PIP_EXTRA_INDEX_URL:-} $TORCH_INDEX_URL"
 fi
 "$venv/bin/python" -m pip install --quiet --disable-pip-version-check \
-  --constraint "$venv/constraints.txt" --requirement "$venv/requirements.txt" "$@"
+  --constraint "$venv/constraints.txt" --requirement "$venv/requirements.txt" "setuptools>=77,<80" "$@"

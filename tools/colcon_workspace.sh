@@ -40,8 +40,10 @@ for file in "$share"/launch/experiment.launch.py "$share"/config/{patrol,drones}
   cmp "$file" "ros_ws/${file#"$share/"}"
   echo "$file"
 done
-for program in learner/lib/mabirds_learner/learner expert_player/lib/mabirds_expert_player/expert_player; do
-  said=$(PATH=$place/bin:$PATH docker/entrypoint.sh "$tree/mabirds_$program" --help)
+for program in learner central expert-player; do
+  package=${program/central/learner}
+  package=mabirds_${package/-/_}
+  said=$(PATH=$place/bin:$PATH docker/entrypoint.sh "$tree/$package/lib/$package/mabirds-$program" --help)
   echo "$program: ${said%%$'\n'*}"
 done
 

@@ -39,7 +39,8 @@ STAMP = VENV / "setup.stamp"  # the key of what is set up; written last
 SOUND = VENV / "setup.sound"  # the place that .venv was made for; away while a command changes .venv
 CONSTRAINTS = ROOT / "constraints.txt"
 MESSAGE_SOURCES = ("constraints.txt", "ros_ws/src/mabirds_msgs/**/*")
-SOURCES = (*MESSAGE_SOURCES, "requirements.txt", "tools/setup_*.py", "src/*/setup.*", "src/*/package.xml")
+PACKAGE_SOURCES = ("VERSION", "src/*/setup.*", "src/*/pyproject.toml", "src/*/package.xml")
+SOURCES = (*MESSAGE_SOURCES, *PACKAGE_SOURCES, "requirements.txt", "tools/setup_*.py")
 PACKAGES = ("mabirds_core", "mabirds_msgs_py", "mabirds_expert_player", "mabirds_learner", "mabirds_bringup")
 USER_CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
 WHEEL_CACHE = Path(os.environ.get("MABIRDS_CACHE") or USER_CACHE / "mabirds" / "wheels").absolute()
@@ -98,8 +99,8 @@ def other_problems() -> Iterator[str]:
         if shutil.disk_usage(existing).free < GIGABYTES_NEEDED * 1e9:
             yield f"{GIGABYTES_NEEDED} GB of free disk space for {folder}"
     for name in PACKAGES:
-        if not (ROOT / "src" / name / "setup.py").exists():
-            yield f"src/{name}/setup.py: the checkout is incomplete (see `git status`)"
+        if not (ROOT / "src" / name / "pyproject.toml").exists():
+            yield f"src/{name}/pyproject.toml: the checkout is incomplete (see `git status`)"
 
 
 def check_prerequisites() -> None:
@@ -192,7 +193,7 @@ def install_messages() -> None:
 def install_packages() -> None:
     """Install the packages of src/ so that edits count at once."""
     editable = [argument for name in PACKAGES for argument in ("--editable", ROOT / "src" / name)]
-    remedy = "The package's setup.py, setup.cfg or package.xml wants mending."
+    remedy = "The package's pyproject.toml, setup.cfg or package.xml wants mending."
     pip("install", "--no-deps", "--no-build-isolation", *editable, remedy=remedy)
 
 

@@ -62,7 +62,7 @@ def _learner(name: str, common: dict[str, Any], checkpoints: str) -> Node:
     own = {"checkpoints": _text(str(Path(checkpoints, name).absolute()))} if checkpoints else {}
     return Node(
         package="mabirds_learner",
-        executable="learner",
+        executable="mabirds-learner",
         namespace=f"/{name}",
         parameters=[{**common, **own}],
         ros_arguments=enclave_arguments(f"/{name}"),
@@ -75,7 +75,7 @@ def _learner(name: str, common: dict[str, Any], checkpoints: str) -> Node:
 def _player(parameters: dict[str, Any]) -> Node:
     return Node(
         package="mabirds_expert_player",
-        executable="expert_player",
+        executable="mabirds-expert-player",
         parameters=[parameters],
         ros_arguments=enclave_arguments("/expert_player"),
         output="screen",

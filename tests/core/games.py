@@ -8,7 +8,8 @@ import numpy as np
 
 from mabirds_core.arrays import Array, Indices, Vector
 from mabirds_core.games.interface import TabularGame, Trajectories
-from mabirds_core.games.patrol.game import PatrolGame, PatrolSettings
+from mabirds_core.games.patrol.game import PatrolGame
+from mabirds_core.games.patrol.settings import PatrolSettings
 from mabirds_core.planners.interface import Policy
 
 Cell = tuple[int, int]

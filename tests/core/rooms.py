@@ -8,13 +8,13 @@ import numpy as np
 from experiments import changed
 
 from mabirds_core.arrays import Array
-from mabirds_core.experiment.assembly import drone_game
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.lattice import LatticeFinder
 from mabirds_core.games.drones.rewards import TrueDroneReward
 from mabirds_core.games.drones.rollouts import drone_rollouts
 from mabirds_core.games.drones.settings import DroneSettings
+from mabirds_core.games.drones.study import drone_game
 from mabirds_core.games.interface import Trajectories
 
 Pair = tuple[float, float]

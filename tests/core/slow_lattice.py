@@ -48,8 +48,8 @@ class SlowLattice:
     def scores(self, state: Vector) -> Vector:
         """log mu(a) + r(s, a) / tau of every joint move."""
         here = np.repeat(state[None], len(self.actions), axis=0)
-        reward = total_reward(self.game, self.model, self.at.theta, here, self.actions)
-        cost = total_reward(self.game, self.game.cost_features, self.at.omega, here, self.actions)
+        reward = total_reward(self.game.space, self.model, self.at.theta, here, self.actions)
+        cost = total_reward(self.game.space, self.game.cost_features, self.at.omega, here, self.actions)
         return self.log_shares + (reward + cost) / self.temperature
 
     def ahead(self, state: Vector) -> Array:

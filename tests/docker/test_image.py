@@ -102,10 +102,10 @@ def test_the_entrypoint_finds_the_programs_of_an_install_tree(tmp_path: Path) ->
     (tmp_path / "setup.bash").write_text("export FROM_SETUP=yes\n", encoding="utf-8")
     place = tmp_path / "mabirds_learner" / "lib" / "mabirds_learner"
     place.mkdir(parents=True)
-    (place / "learner").write_text('#!/bin/sh\necho "$FROM_SETUP $*"\n', encoding="utf-8")
-    (place / "learner").chmod(0o755)
+    (place / "mabirds-learner").write_text('#!/bin/sh\necho "$FROM_SETUP $*"\n', encoding="utf-8")
+    (place / "mabirds-learner").chmod(0o755)
     environment = {**os.environ, "MABIRDS_INSTALL": str(tmp_path)}
-    command = [DOCKER / "entrypoint.sh", "learner", "--help"]
+    command = [DOCKER / "entrypoint.sh", "mabirds-learner", "--help"]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (0, "yes --help\n")
 

@@ -174,7 +174,10 @@ def test_bytes_after_the_end_are_refused(open_bag: OpenBag, experiment: Experime
 
 def test_a_bag_of_another_game_is_refused(open_bag: OpenBag, experiment: Experiment) -> None:
     other = experiment.model_copy(update={"game": experiment.game.model_copy(update={"horizon": 9})})
-    with pytest.raises(BagError, match="topic /learner_1/demonstration: iteration 1: game digest '.*', expected"):
+    with pytest.raises(
+        BagError,
+        match="topic /learner_1/demonstration: iteration 1: game digest '.*', expected .*; the bag is of another",
+    ):
         open_bag(other)
 
 

@@ -4,4 +4,6 @@ MA-BIRDS, multi-agent behavior inference from distributed and streaming demonstr
 Zhu (NeurIPS 2023). ``docs/equations.md`` maps the paper's equations to functions.
 """
 
-__version__ = "0.1.0"
+from importlib.metadata import version
+
+__version__ = version("mabirds_core")

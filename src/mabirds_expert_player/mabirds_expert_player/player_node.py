@@ -1,6 +1,6 @@
 """The expert player: streams each learner's recorded demonstrations to that learner alone.
 
-``rate`` multiplies the recorded timing; ``hz`` above 0 overrides it with demonstrations a second. Both may change
+``rate`` multiplies the recorded timing; ``hz`` above 0 overrides it with demonstrations per second. Both may change
 while the node runs. Nothing is sent before a learner has announced itself with the right game, and never more than
 ``window`` demonstrations beyond what it has learned.
 """
@@ -19,7 +19,7 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 
 from mabirds_core.errors import ExperimentError
-from mabirds_core.experiment.assembly import METHODS, build_game
+from mabirds_core.experiment.assembly import build_game, method_names
 from mabirds_core.texts import shortened
 from mabirds_expert_player.diagnostics import playing_diagnostic
 from mabirds_expert_player.stream import Claims, Stream
@@ -57,8 +57,8 @@ class ExpertPlayerNode(Node):
         self._declare_parameters()
         experiment, self._experiment_digest = experiment_of(self)
         self._schedule_digest = experiment.edge_schedule.digest
-        if self._value("central") not in ("", *METHODS):
-            raise ExperimentError(f"central {self._value('central')!r}: expected one of {METHODS}, or nothing")
+        if self._value("central") not in ("", *method_names()):
+            raise ExperimentError(f"central {self._value('central')!r}: expected one of {method_names()}, or nothing")
         self._game = build_game(experiment)
         directory = Path(self._value("bag") or experiment.demonstrations.bag)
         self.get_logger().info(f"checking {directory}")
@@ -91,7 +91,7 @@ class ExpertPlayerNode(Node):
         self.declare_parameter("window", 16, whole("demonstrations ahead of what a learner has learned", 1, HISTORY))
         self.declare_parameter("rate", 1.0, real("speed, as a multiple of the recorded timing", 0.01, 1e4, fixed=False))
         self.declare_parameter(
-            "hz", 0.0, real("demonstrations a second; 0: the recorded timing times rate", 0.0, 1e4, fixed=False)
+            "hz", 0.0, real("demonstrations per second; 0: the recorded timing times rate", 0.0, 1e4, fixed=False)
         )
 
     def _value(self, name: str) -> Any:
@@ -256,7 +256,7 @@ parameters:
   central      a central method that learns in the learners' place, such as bics ("")
   bag          bag to play; empty: the experiment's
   rate         speed, as a multiple of the recorded timing (1.0); may change while it runs
-  hz           demonstrations a second; 0: the recorded timing times rate (0.0); may change while it runs
+  hz           demonstrations per second; 0: the recorded timing times rate (0.0); may change while it runs
   window       demonstrations ahead of what a learner has learned (16)
 
 services: ~/pause (std_srvs/SetBool), ~/play_next, ~/resend (mabirds_msgs)

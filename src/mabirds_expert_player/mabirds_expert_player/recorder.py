@@ -1,17 +1,14 @@
 """Recording expert demonstrations to a bag: one topic a learner, the same messages from the same seed."""
 
 from collections.abc import Callable, Iterator
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from mabirds_core.experiment.assembly import AnyGame, build_game
+from mabirds_core.errors import ExperimentError
+from mabirds_core.experiment.assembly import build_game
 from mabirds_core.experiment.file import Experiment
-from mabirds_core.games.drones.game import DroneGame
-from mabirds_core.games.drones.pilots import Pilots, pilot_demonstrations
-from mabirds_core.games.interface import Trajectories
-from mabirds_core.games.tabular.experts import KINDS, demonstrations
+from mabirds_core.games.interface import Game, Trajectories
 from mabirds_msgs_py.bag_writer import BagWriter
 from mabirds_msgs_py.conversion import NANOSECONDS, demonstration_message
 from mabirds_msgs_py.topics import bag_topic
@@ -36,14 +33,16 @@ def record(experiment: Experiment, directory: Path, on_demonstration: Callable[[
                 on_demonstration()
 
 
-def expert_streams(experiment: Experiment, game: AnyGame) -> dict[str, Iterator[Trajectories]]:
-    """The experts' demonstrations for each learner; each stream is drawn with a generator of its own."""
+def expert_streams(experiment: Experiment, game: Game) -> dict[str, Iterator[Trajectories]]:
+    """The experts' demonstrations for each learner; each stream is drawn with a generator of its own.
+
+    Raises ExperimentError where the game has no experts.
+    """
     settings = experiment.demonstrations
-    if isinstance(game, DroneGame):
-        draw = partial(pilot_demonstrations, Pilots(game, settings.side), settings.per_learner)
-    else:
-        draw = partial(demonstrations, KINDS[settings.experts](game), settings.per_learner)
+    if not game.expert_kinds:
+        raise ExperimentError(f"game {experiment.game.kind} has no experts; bring a bag of recordings instead")
+    experts = game.experts(settings.experts, settings.side)
     return {
-        learner: draw(np.random.default_rng([settings.seed, index]))
+        learner: experts.demonstrations(settings.per_learner, np.random.default_rng([settings.seed, index]))
         for index, learner in enumerate(experiment.learners)
     }

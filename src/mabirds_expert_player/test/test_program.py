@@ -5,7 +5,8 @@ import sys
 
 import numpy as np
 
-from mabirds_core.games.patrol.game import PatrolGame, PatrolSettings
+from mabirds_core.games.patrol.game import PatrolGame
+from mabirds_core.games.patrol.settings import PatrolSettings
 from mabirds_core.games.tabular.experts import OptimalExperts
 from mabirds_core.planners.occupancy import rollouts
 from mabirds_expert_player.player_node import HELP

@@ -52,6 +52,8 @@ LONGEST_LIST = 1000
 
 REMEDY = "the file is damaged or was not closed; fetch it again or record it anew"
 
+OTHER_GAME = "the bag is of another game, or of a version before: record it anew, or name the bag of this game"
+
 Result = TypeVar("Result")
 
 
@@ -122,7 +124,8 @@ class DemonstrationBag:
                 try:
                     read_demonstration(self._game, learner, message)
                 except RefusedMessageError as error:
-                    raise BagError(f"{where}: {error}") from None
+                    remedy = f"; {OTHER_GAME}" if error.reason == "wrong_game" else ""
+                    raise BagError(f"{where}: {error}{remedy}") from None
                 places.append(_Place(file, time))
         if len(places) < self._at_least:
             raise BagError(

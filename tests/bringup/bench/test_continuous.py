@@ -28,8 +28,8 @@ from mabirds_bringup.bench.continuous.tables import (
     table,
 )
 from mabirds_bringup.bench.continuous.targets import targets
-from mabirds_core.experiment.assembly import drone_game
 from mabirds_core.experiment.file import Experiment, load_experiment
+from mabirds_core.games.drones.study import drone_game
 
 MABIRDS = [str(Path(sys.executable).with_name("mabirds"))]
 REPOSITORY = Path(__file__).resolve().parents[3]

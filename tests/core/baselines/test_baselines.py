@@ -18,7 +18,7 @@ from mabirds_core.baselines.me_greedy import MeGreedy, violation_probabilities
 from mabirds_core.consensus.generators import complete_edges, static
 from mabirds_core.consensus.strict import StrictMixer
 from mabirds_core.errors import ExperimentError
-from mabirds_core.experiment.assembly import METHODS, build_method, policy_of
+from mabirds_core.experiment.assembly import build_method, method_names, policy_of
 from mabirds_core.experiment.simulate import simulate, simulate_central
 from mabirds_core.games.interface import Trajectories, discounted_visitation
 from mabirds_core.games.patrol.game import PatrolGame
@@ -254,7 +254,7 @@ def test_violation_probabilities_are_those_of_all_trajectories(make: Callable[[]
     np.testing.assert_allclose(violation_probabilities(game, policy), expected, rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("name", METHODS)
+@pytest.mark.parametrize("name", method_names())
 def test_a_method_runs_on_all_streams_of_an_experiment(name: str) -> None:
     settings = experiment({"algorithm.expectation": "exact", "game.horizon": 6})
     streams = demonstrations(settings)
@@ -277,7 +277,7 @@ def test_methods_take_their_settings_from_the_experiment() -> None:
     settings_of_the_algorithm = experiment().algorithm.steps
     made = {
         name: build_method(type(experiment()).model_validate({**settings, "baselines": baselines}), name)
-        for name in METHODS
+        for name in method_names()
     }
     assert isinstance(made["bics"], Bics)
     assert made["bics"].window == 3

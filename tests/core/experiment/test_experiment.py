@@ -7,11 +7,12 @@ from typing import Any
 import pytest
 import yaml
 from experiments import SETTINGS, changed, experiment
-from pydantic import ValidationError
+from pydantic import ValidationError, create_model
 
 from mabirds_core.consensus.generators import alternating_ring, complete_edges, ring_edges, static
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.file import Experiment, load_experiment
+from mabirds_core.games.patrol.settings import PatrolSettings
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 PATROL = REPOSITORY / "ros_ws" / "config" / "patrol.yaml"
@@ -235,6 +236,25 @@ def test_the_digest_changes_with_what_decides_the_parameters(changes: dict[str, 
 )
 def test_the_digest_does_not_change_with_what_does_not(changes: dict[str, Any]) -> None:
     assert experiment(changes).digest == experiment().digest
+
+
+def test_an_option_that_comes_to_be_later_changes_no_digest() -> None:
+    later = create_model("Later", __base__=Experiment, novelty=(int, 3))
+    game = create_model("LaterGame", __base__=PatrolSettings, wind=(float, 0.0))
+    content = changed({})
+    assert later.model_validate(content).digest == experiment().digest
+    windy = experiment().model_copy(update={"game": game.model_validate(content["game"])})
+    assert windy.digest == experiment().digest
+    assert windy.model_copy(update={"game": windy.game.model_copy(update={"wind": 1.0})}).digest != experiment().digest
+
+
+def test_an_option_of_a_method_that_no_learner_uses_changes_no_digest() -> None:
+    assert experiment({"baselines": {"ftl": {"tolerance": 0.31}}}).digest == experiment().digest
+
+
+def test_digests_say_of_which_format_they_are() -> None:
+    assert experiment().digest.startswith("v2-")
+    assert experiment().run_digest("monday").startswith("v2-")
 
 
 def test_the_digest_does_not_depend_on_where_the_file_is(tmp_path: Path) -> None:

@@ -17,18 +17,15 @@ from rooms import double, random_flights, room
 
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.games.drones.game import DroneGame
-from mabirds_core.games.interface import TabularGame, Trajectories
+from mabirds_core.games.drones.metrics import drone_imitation, flight_distance, place_visitation
+from mabirds_core.games.interface import Imitation, TabularGame, Trajectories
 from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_core.metrics.metrics import (
-    Imitation,
     consensus_distance,
     constraint_errors,
-    drone_imitation,
     exact_imitation,
-    flight_distance,
     learned_constraints,
     norms,
-    place_visitation,
     policy_distance,
     sampled_imitation,
 )

@@ -282,7 +282,7 @@ class Watched:
 def test_the_simulator_is_asked_only_in_states_that_episodes_meet() -> None:
     game = building()
     watched = Watched(game.successor)
-    game.__dict__["successor"] = watched
+    game.grid.__dict__["successor"] = watched
     policy = learning(game, episodes=3, sweeps=2).find(*random_parameters(game), rng=rng())
     assert watched.asked == set(visited(policy).tolist())
     assert len(watched.asked) < game.n_states / 2

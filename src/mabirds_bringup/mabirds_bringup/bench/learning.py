@@ -5,10 +5,9 @@ from collections.abc import Callable, Mapping, Sequence
 from itertools import islice
 
 from mabirds_bringup.bench.cases import Case
-from mabirds_core.experiment.assembly import Game
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History, Progress, simulate, simulate_central
-from mabirds_core.games.interface import Trajectories
+from mabirds_core.games.interface import Game, Trajectories
 from mabirds_expert_player.recorder import expert_streams
 
 Streams = Mapping[str, Sequence[Trajectories]]

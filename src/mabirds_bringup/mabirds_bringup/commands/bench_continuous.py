@@ -13,8 +13,8 @@ from mabirds_bringup.bench.continuous.outcome import FLIGHTS, Outcome, run_case
 from mabirds_bringup.commands.options import FirstSeed, Jobs, Json, MostIterations, ReportDirectory, Seeds
 from mabirds_bringup.console import guarded_output, print_json
 from mabirds_core.errors import ExperimentError
-from mabirds_core.experiment.assembly import drone_game
 from mabirds_core.experiment.file import Experiment, load_experiment
+from mabirds_core.games.drones.study import drone_game
 
 
 def continuous(  # noqa: PLR0913, PLR0917 - the options of a command

@@ -30,7 +30,7 @@ def inspect(
     timeout: Annotated[float, typer.Option(help="Seconds to look for learners, with --once.", min=0.1)] = 10.0,
     as_json: Json = False,
 ) -> None:
-    """Show the learners of this ROS domain: a line a parameter message and a line a change of status.
+    """Show the learners of this ROS domain: one line per parameter message and per change of status.
 
     Example: mabirds inspect --once --json
     """

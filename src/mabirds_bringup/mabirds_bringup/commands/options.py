@@ -1,17 +1,30 @@
 """Options and arguments that several verbs share."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
+
+from mabirds_core.experiment.assembly import method_names
+
+
+def _installed(method: str | None) -> str | None:
+    """The method, if a package brings it."""
+    if method is not None and method not in method_names():
+        raise typer.BadParameter(f"{method!r} is none of {', '.join(method_names())}")
+    return method
+
 
 ExperimentFile = Annotated[
     Path, typer.Argument(metavar="EXPERIMENT", help="Experiment file, such as ros_ws/config/patrol.yaml.")
 ]
 RunsDirectory = Annotated[Path, typer.Option(help="Where run directories are made.")]
 CentralMethodName = Annotated[
-    Literal["bics", "ftl", "dlm", "me_greedy", "me_gradient"] | None,
-    typer.Option(help="Run this central method on all demonstrations, in the learners' place."),
+    str | None,
+    typer.Option(
+        callback=_installed,
+        help="Run this central method on all demonstrations, in the learners' place (see `mabirds kinds`).",
+    ),
 ]
 Seeds = Annotated[int, typer.Option(help="How many seeds.", min=1, max=1000)]
 FirstSeed = Annotated[int, typer.Option(help="The first of them.", min=0, max=1_000_000)]

@@ -15,7 +15,7 @@ def record(
     file: ExperimentFile,
     bag: Annotated[Path | None, typer.Option(help="Directory to write; default: the experiment's bag.")] = None,
 ) -> None:
-    """Record the experts of an experiment to a rosbag2 MCAP bag, one topic a learner.
+    """Record the experts of an experiment to a rosbag2 MCAP bag, one topic per learner.
 
     Example: mabirds record ros_ws/config/patrol.yaml --bag bags/my_patrol
     """

@@ -26,7 +26,7 @@ def run(  # noqa: PLR0913, PLR0917 - the options of a command
     file: ExperimentFile,
     rate: Annotated[float, typer.Option(help="Speed, as a multiple of the recorded timing.", min=0.01, max=1e4)] = 1.0,
     hz: Annotated[
-        float, typer.Option(help="Demonstrations a second; 0: the recorded timing times --rate.", min=0, max=1e4)
+        float, typer.Option(help="Demonstrations per second; 0: the recorded timing times --rate.", min=0, max=1e4)
     ] = 0.0,
     method: CentralMethodName = None,
     restarts: Annotated[
@@ -40,7 +40,7 @@ def run(  # noqa: PLR0913, PLR0917 - the options of a command
     out: RunsDirectory = Path("runs"),
     as_json: Json = False,
 ) -> None:
-    """Run an experiment: one process a learner plus the expert player, until everything is learned.
+    """Run an experiment: one process per learner plus the expert player, until everything is learned.
 
     Example: mabirds run ros_ws/config/patrol.yaml --rate 10
     """

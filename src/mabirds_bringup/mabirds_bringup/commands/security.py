@@ -13,6 +13,7 @@ from mabirds_bringup.console import console, guarded_output, print_json
 from mabirds_bringup.security.permissions import Validity, publications, subscriptions
 from mabirds_bringup.security.policy import Access, Policy, policy_xml
 from mabirds_core.experiment.file import load_experiment
+from mabirds_core.extras import require
 from mabirds_msgs_py.security import SecurityError
 
 HIGHEST_DOMAIN = 232
@@ -33,7 +34,7 @@ def policy(
     method: CentralMethodName = None,
     out: Annotated[Path | None, typer.Option(help="File to write; default: standard output.")] = None,
 ) -> None:
-    """Write an experiment's access-control policy in SROS2's format: an enclave a process.
+    """Write an experiment's access-control policy in SROS2's format: one enclave per process.
 
     Example: mabirds security policy ros_ws/config/patrol.yaml --out policy.xml
     """
@@ -59,6 +60,7 @@ def create(
 
     Example: mabirds security create ros_ws/config/patrol.yaml --keystore keystore
     """
+    require("cryptography", "keys and certificates", "mabirds_bringup[security]", SecurityError)
     from mabirds_bringup.security.keystore import create_keystore  # cryptography takes a moment to load
 
     with guarded_output() as stdout:

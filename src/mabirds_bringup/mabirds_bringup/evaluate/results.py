@@ -5,11 +5,12 @@ from pathlib import Path
 from typing import Any
 
 from mabirds_bringup.console import console, progress_bar, summary_table
-from mabirds_bringup.evaluate.evaluation import evaluate, judged, summary
+from mabirds_bringup.evaluate.evaluation import evaluate, summary
 from mabirds_bringup.report.page import write_report
 from mabirds_bringup.run import run_directory
 from mabirds_core.consensus.schedule import Delivered, EdgeSchedule, delivered_edges, differences, validate
 from mabirds_core.errors import ScheduleError
+from mabirds_core.experiment.assembly import build_game
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History
 
@@ -39,11 +40,10 @@ def write_results(
 
     ``delivered``: the ``audit`` of a network's run.
     """
-    from mabirds_bringup.report.figures import (
-        save_figures,  # matplotlib takes a second to load: not before it is needed
-    )
+    from mabirds_bringup.report.figures import save_figures  # matplotlib takes a second to load
 
-    total = sum(len(judged(experiment, len(parameters))) for parameters in history.values())
+    judge = build_game(experiment).judge
+    total = sum(len(judge.eval_iterations(len(parameters))) for parameters in history.values())
     with progress_bar() as bar:
         task = bar.add_task("evaluating", total=total)
         evaluation = evaluate(experiment, history, lambda: bar.advance(task))

@@ -19,6 +19,20 @@ from mabirds_bringup.evaluate.evaluation import Evaluation, Row
 from mabirds_core.experiment.assembly import build_game
 from mabirds_core.experiment.file import Experiment
 
+CONTENTS = {
+    "manifest.json": "settings, digests, seeds, versions, commit, command",
+    "summary.json": "per learner CVR, SR, FPR, FNR and learned constraints; consensus distances; the delivered graph,"
+    " audited; wall time",
+    "metrics.csv": "rates and consensus distances per learner and iteration",
+    "report.html": "the same with figures",
+    "map.png": "what each learner takes for forbidden, and how it would act",
+    "curves.png": "rates and consensus distances against demonstrations",
+    "checkpoints": "of every learner; they hold demonstrations",
+    "bag": "parameters, status and schedule of every learner; no demonstrations, which stay where they belong",
+    "logs": "one log per process",
+}
+"""Files and folders of a run directory and what they hold; the last three are a network's."""
+
 PACKAGES = ("mabirds-core", "mabirds-msgs", "numpy", "ros-rclpy", "ros-fastrtps", "mcap")
 
 

@@ -16,7 +16,7 @@ from rclpy.node import Node
 
 from mabirds_bringup.watch.live_table import STATES
 from mabirds_core.errors import MabirdsError, RefusedMessageError
-from mabirds_core.experiment.assembly import METHODS, build_game
+from mabirds_core.experiment.assembly import build_game, method_names
 from mabirds_core.experiment.file import load_experiment
 from mabirds_core.metrics.metrics import norms
 from mabirds_msgs_py import topics
@@ -99,7 +99,7 @@ class InspectorNode(Node):
 
     def _watch(self, namespace: str) -> None:
         learner = self.learners[namespace] = WatchedLearner(namespace)
-        node = "central" if topics.split_namespace(namespace)[1] in METHODS else "learner"
+        node = "central" if topics.split_namespace(namespace)[1] in method_names() else "learner"
         self._parameter_clients[namespace] = self.create_client(GetParameters, f"{namespace}/{node}/get_parameters")
         for message_type, topic, name, qos, tell in (
             (LearnerStatus, topics.STATUS, "status", STATUS_QOS, self._on_status),

@@ -1,6 +1,6 @@
 """theta and omega, and one step down a gradient."""
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -21,8 +21,9 @@ class Parameters(NamedTuple):
 
 
 class StepSizes(Settings):
-    """alpha(n) = alpha / n^eta1 for omega, beta(n) = beta / n^eta2 for theta."""
+    """The paper's step rule: alpha(n) = alpha / n^eta1 for omega, beta(n) = beta / n^eta2 for theta."""
 
+    kind: Literal["paper"] = "paper"
     alpha: float = Field(gt=0, description="abar: first step of omega")
     beta: float = Field(gt=0, description="bbar: first step of theta")
     eta1: float = Field(0.51, gt=0.5, lt=1, description="decay of alpha")

@@ -1,11 +1,14 @@
 """What a central method is: one learner that is given the demonstrations of all streams."""
 
-from typing import NamedTuple, Protocol
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
 
 from mabirds_core.algorithm.gradient import GradientEstimator
-from mabirds_core.algorithm.parameters import Parameters
+from mabirds_core.algorithm.parameters import Parameters, StepSizes
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.planners.interface import Policy
+from mabirds_core.rewards.models import RewardModel
 
 
 class Work(NamedTuple):
@@ -48,3 +51,18 @@ class CentralMethod(Protocol):
 def first_state(estimator: GradientEstimator, seed: int) -> CentralState:
     """Iteration 1 with the parameters that learners of the network begin with."""
     return CentralState(1, estimator.initial_parameters(seed))
+
+
+@dataclass(frozen=True)
+class MethodParts:
+    """What a method is made of: the experiment's game, and the settings of its algorithm."""
+
+    game: Any
+    reward: RewardModel
+    """r_theta as learners have it."""
+    estimator: Callable[[RewardModel], GradientEstimator]
+    """How learners estimate gradients, for a reward model."""
+    steps: StepSizes
+    window: int
+    """l: demonstrations in a gradient."""
+    seed: int

@@ -82,9 +82,3 @@ class ExplicitSchedule(Settings):
         slots = [[(index[sender], index[receiver]) for sender, receiver in slot] for slot in self.slots]
         opened = tuple(both_ways(slot) if self.undirected else frozenset(slot) for slot in slots)
         return EdgeSchedule(learners, opened, self.end)
-
-
-ScheduleSettings = Annotated[
-    StaticSchedule | AlternatingSchedule | DirectedRingSchedule | RandomSchedule | ExplicitSchedule,
-    Field(discriminator="kind"),
-]

@@ -1,38 +1,29 @@
 """An experiment file: the one typed, validated source of truth for game, algorithm, learners, schedule and bag."""
 
 import json
-import math
 from collections.abc import Iterator
 from operator import attrgetter
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
-from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from mabirds_core.consensus.schedule import EdgeSchedule, validate
-from mabirds_core.consensus.schedule_settings import LearnerName, ScheduleSettings
-from mabirds_core.consensus.settings import MixingSettings
+from mabirds_core.consensus.schedule_settings import LearnerName
 from mabirds_core.consensus.strict import StrictMixing
-from mabirds_core.digest import digest
+from mabirds_core.digest import versioned_digest
 from mabirds_core.errors import ExperimentError, MabirdsError
-from mabirds_core.experiment.learning_settings import (
-    AlgorithmSettings,
-    BaselineSettings,
-    LatticeSettings,
-    SoftActorCriticSettings,
-    SoftQSettings,
-)
-from mabirds_core.games.drones.settings import DroneSettings
-from mabirds_core.games.patrol.game import PatrolSettings
+from mabirds_core.experiment.learning_settings import AlgorithmSettings, BaselineSettings
+from mabirds_core.planners.settings import check_rollouts
+from mabirds_core.registry import build, kind_of, kinds, union
 from mabirds_core.settings import Settings
 from mabirds_core.texts import printable, shortened
 from mabirds_core.yaml_files import LARGEST_FILE, read_yaml
 
+GAMES, PLANNERS = "mabirds.games", "mabirds.planners"
+
 LONGEST_VALUE = 60
 """Characters of a wrong value that an error shows."""
-
-MOST_STEPS = 100_000_000
-"""Steps of all trajectories that are rolled out at once: some gigabytes."""
 
 MOST_CHARACTERS = 4 * LARGEST_FILE
 """Of an experiment's settings as JSON."""
@@ -43,55 +34,31 @@ LONGEST_EXPLANATION = 500
 LONGEST_ERROR = 4000
 """Characters of an error, however many settings are wrong."""
 
-MOST_VALUES = 200_000_000
-"""Values that a policy on a lattice may keep, and weights of where moves lead: 1.6 gigabytes each."""
-
-MOVES = 25
-"""Of a drone on a lattice."""
-
-CHOICES: dict[str, dict[str, tuple[str, ...]]] = {
-    "patrol": {
-        "algorithm.policy.kind": ("soft_value_iteration", "soft_q_learning"),
-        "algorithm.expectation": ("sampled", "exact"),
-        "demonstrations.experts": ("optimal", "soft"),
-    },
-    "drones": {
-        "algorithm.policy.kind": ("lattice", "soft_actor_critic"),
-        "algorithm.expectation": ("sampled",),
-        "demonstrations.experts": ("pilots",),
-    },
-}
-"""What each kind of game leaves to choose."""
-
 RESERVED_NAMES = {"expert_player", "demonstration"}
 """The player's name, and what a status says when a demonstration is missing."""
 
 
-def game_kind(settings: Any) -> str:
-    """Which game is meant; files without ``kind`` mean patrols."""
-    kind = settings.get("kind", "patrol") if isinstance(settings, dict) else getattr(settings, "kind", "patrol")
-    return str(kind)
-
-
-GameSettings = Annotated[
-    Annotated[PatrolSettings, Tag("patrol")] | Annotated[DroneSettings, Tag("drones")], Discriminator(game_kind)
-]
-
+if TYPE_CHECKING:
+    GameSettings: TypeAlias = Any
+    ScheduleSettings: TypeAlias = Any
+    MixingSettings: TypeAlias = Any
+else:
+    GameSettings = union("mabirds.games", default="patrol")
+    ScheduleSettings = union("mabirds.schedules")
+    MixingSettings = union("mabirds.mixers")
 
 PassingSide = Literal["by_start", "random", "left", "right"]
-"""The side of a pillar on which pilots pass: where they started from it, either, or the same for all."""
+"""The side of an obstacle on which experts pass: where they started from it, either, or the same for all."""
 
 
 class DemonstrationSettings(Settings):
     """Where the recorded demonstrations are, and how they are recorded."""
 
     bag: Path = Field(description="rosbag2 directory, relative to the experiment file")
-    per_learner: int = Field(40, ge=1, le=1_000_000, description="demonstrations a learner")
+    per_learner: int = Field(40, ge=1, le=1_000_000, description="demonstrations per learner")
     period: float = Field(1.0, gt=0, le=86_400, description="seconds between two demonstrations in the recording")
-    experts: Literal["optimal", "soft", "pilots"] = Field(
-        "optimal", description="least cost, maximum entropy, or pilots of drones"
-    )
-    side: PassingSide = Field("by_start", description="on which side pilots pass, or what decides")
+    experts: str = Field("optimal", description="of the game: least cost, maximum entropy, ...")
+    side: PassingSide = Field("by_start", description="on which side experts pass obstacles, or what decides")
     seed: int = Field(0, ge=0, description="of the experts' choices")
 
 
@@ -103,10 +70,10 @@ class Experiment(Settings):
     algorithm: AlgorithmSettings
     learners: tuple[LearnerName, ...] = Field(min_length=1, max_length=1000)
     schedule: ScheduleSettings
-    mixing: MixingSettings = Field(StrictMixing(), discriminator="kind", description="strict, or resilient to loss")
+    mixing: MixingSettings = Field(StrictMixing(), description="strict, or resilient to loss")
     demonstrations: DemonstrationSettings
     baselines: BaselineSettings = BaselineSettings()
-    iterations: int = Field(ge=1, le=1_000_000, description="updates a learner makes, one demonstration each")
+    iterations: int = Field(ge=1, le=1_000_000, description="updates per learner, one demonstration each")
     closing_rounds: int = Field(0, ge=0, le=10_000, description="rounds of averaging alone, after the last update")
     seed: int = Field(0, ge=0, description="of the learners' rollouts")
     constraint_threshold: float = Field(ge=0, description="a constraint is learned where -omega exceeds this")
@@ -123,54 +90,29 @@ class Experiment(Settings):
                 f" {self.demonstrations.per_learner}; record more, or learn fewer"
             )
         self._check_choices()
-        self._check_rollouts()
-        if isinstance(self.algorithm.policy, LatticeSettings):
-            self._check_lattice(self.algorithm.policy)
         return self
 
     def _check_choices(self) -> None:
-        """Finders, expectations and experts must be made for the game."""
-        for name, fitting in CHOICES[self.game.kind].items():
+        """Planners, expectations and experts must be made for the game, and what is rolled out must fit into memory."""
+        game, planner = build(GAMES, self.game), kind_of(PLANNERS, self.algorithm.policy)
+        fitting = {
+            "algorithm.policy.kind": planners_for(kind_of(GAMES, self.game).form),
+            "algorithm.expectation": game.expectations,
+            "demonstrations.experts": game.expert_kinds or (self.demonstrations.experts,),
+        }
+        for name, choices in fitting.items():
             given = attrgetter(name)(self)
-            if given not in fitting:
-                raise ExperimentError(f"{name} {given!r}: the game is {self.game.kind}; take one of {list(fitting)}")
-
-    def _check_lattice(self, lattice: LatticeSettings) -> None:
-        """One or two drones, and values that fit into memory."""
-        game = self.game
-        if not isinstance(game, DroneSettings):
-            return
-        if game.n_experts > 2 or game.dynamics != "single_integrator":
-            raise ExperimentError(
-                f"algorithm.policy lattice: made for one or two single integrators, found {game.n_experts} drones that"
-                f" are {game.dynamics}s; take soft_actor_critic"
-            )
-        nodes = math.prod(float(count) for count in game.lattice(lattice.spacing))
-        of_states = nodes**game.n_experts * (game.horizon + 2)
-        of_moves = nodes * game.n_experts * MOVES * math.prod(map(float, game.window(lattice.spacing)))
-        if (values := max(of_states, of_moves)) > MOST_VALUES:
-            raise ExperimentError(
-                f"algorithm.policy.spacing {lattice.spacing:g} m makes {values:.2g} values, expected at most"
-                f" {MOST_VALUES:.2g}; take a larger one"
-            )
-
-    def _check_rollouts(self) -> None:
-        """What is rolled out at once must fit into memory."""
-        counts, most = {"rollouts": self.algorithm.rollouts}, MOST_STEPS // (self.game.horizon + 1)
-        if isinstance(self.algorithm.policy, SoftQSettings):
-            counts["policy.episodes"] = self.algorithm.policy.episodes
-        if isinstance(self.algorithm.policy, SoftActorCriticSettings):
-            counts["policy.rollouts"] = self.algorithm.policy.rollouts
-        for name, count in counts.items():
-            if count > most:
-                raise ExperimentError(
-                    f"algorithm.{name} {count}: expected at most {most} for horizon {self.game.horizon}; take fewer"
-                )
+            if given not in choices:
+                raise ExperimentError(f"{name} {given!r}: the game is {self.game.kind}; take one of {list(choices)}")
+        check_rollouts("rollouts", self.algorithm.rollouts, game.horizon)
+        if planner.check:
+            planner.check(self.algorithm.policy, game)
 
     @property
     def edge_schedule(self) -> EdgeSchedule:
         """E(n) for the learners of this experiment."""
-        return self.schedule.build(self.learners)
+        schedule: EdgeSchedule = build("mabirds.schedules", self.schedule, self.learners)
+        return schedule
 
     def index_of(self, learner: str) -> int:
         """Place of a learner in the list; raises ExperimentError where it is none of them."""
@@ -180,14 +122,36 @@ class Experiment(Settings):
 
     @property
     def digest(self) -> str:
-        """SHA-256 of what decides theta and omega and when to end. Not of the schedule, nor of the bag's place."""
-        deciding = {"game", "algorithm", "learners", "mixing", "baselines", "iterations", "closing_rounds", "seed"}
-        content = self.model_dump(mode="json", include=deciding)
-        return digest(content)
+        """Digest of what decides theta and omega and when to end. Not of the schedule, nor of the bag's place.
+
+        Of the settings that are not at their defaults: options that come to be later change no digest.
+        """
+        deciding = ("game", "algorithm", "learners", "mixing", "iterations", "closing_rounds", "seed")
+        content = without_defaults(self)
+        return versioned_digest({name: content[name] for name in deciding if name in content})
 
     def run_digest(self, run: str) -> str:
         """Digest of one run of the experiment: two networks in one ROS domain are told apart by ``run``."""
-        return digest([self.digest, run]) if run else self.digest
+        return versioned_digest([self.digest, run]) if run else self.digest
+
+
+def planners_for(form: str | None) -> tuple[str, ...]:
+    """Names of the planners that are made for games of a form."""
+    return tuple(name for name, kind in kinds(PLANNERS).items() if kind.form in {None, form})
+
+
+def without_defaults(settings: Settings) -> dict[str, Any]:
+    """What a file must say to mean ``settings``, as JSON: the values that differ from their defaults, and all kinds."""
+    content = settings.model_dump(mode="json")
+    return {
+        name: without_defaults(value) if isinstance(value, Settings) else content[name]
+        for name, value in settings
+        if name in content and (name == "kind" or value != _default(settings, name))
+    }
+
+
+def _default(settings: Settings, name: str) -> Any:
+    return type(settings).model_fields[name].get_default(call_default_factory=True, validated_data={})
 
 
 def load_experiment(path: Path) -> Experiment:

@@ -4,6 +4,7 @@ A game is (states, actions, transitions, gamma, P_0, reward, cost features, hori
 together: a state and an action are those of all experts at once. Trajectories have T + 1 steps, t = 0..T.
 """
 
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -73,7 +74,7 @@ class ConstrainedMarkovGame(Protocol):
 
     @property
     def digest(self) -> str:
-        """SHA-256 of everything that defines the game."""
+        """SHA-256 of what decides its trajectories: states, actions, dynamics. Bags and messages are bound to it."""
         ...
 
     @property
@@ -165,6 +166,103 @@ class TabularGame(ConstrainedMarkovGame, Protocol):
     @property
     def task_reward(self) -> Array:
         """The experts' own reward without constraints, shape (S, A); for experts and metrics only."""
+        ...
+
+
+class Experts(Protocol):
+    """Who demonstrates."""
+
+    def demonstrations(self, count: int, rng: np.random.Generator) -> Iterator[Trajectories]:
+        """``count`` demonstrations of one trajectory each.
+
+        Raises InfeasibleError where the game has none.
+        """
+        ...
+
+
+class Imitation(NamedTuple):
+    """How well a policy does what experts do, each in [0, 1].
+
+    - CVR, constraint violation rate: probability that a trajectory breaks a true constraint at some step.
+    - SR, success rate: probability that no true constraint is broken and every expert is at its goal at step T.
+    """
+
+    violation_rate: float
+    success_rate: float
+
+
+class Judge(Protocol):
+    """How policies of a game are judged."""
+
+    @property
+    def method(self) -> str:
+        """How the rates are found, for people."""
+        ...
+
+    def eval_iterations(self, count: int) -> list[int]:
+        """Which of ``count`` iterations, from 1 on, are judged: always the first and the last."""
+        ...
+
+    def imitation(self, policy: Any, seed: int) -> Imitation:
+        """CVR and SR of a policy; ``seed``: of rollouts, where it takes some."""
+        ...
+
+    def distance(self, policies: Sequence[Any], seed: int) -> float:
+        """Largest total variation distance between what two of the policies do, in [0, 1]."""
+        ...
+
+
+class Learned(NamedTuple):
+    """What a learner ended with: its policy, and omega, shape (K,)."""
+
+    policy: Any
+    omega: Vector
+
+
+class Game(ConstrainedMarkovGame, Protocol):
+    """A game of an experiment file: everything about it that learners, players and reports ask for."""
+
+    @property
+    def expectations(self) -> tuple[str, ...]:
+        """Kinds of ``algorithm.expectation`` that it can do, the first by default."""
+        ...
+
+    @property
+    def expert_kinds(self) -> tuple[str, ...]:
+        """Kinds of ``demonstrations.experts`` that it has; empty: it can only be demonstrated by recordings."""
+        ...
+
+    @property
+    def judge(self) -> Judge:
+        """Who says how well a policy does."""
+        ...
+
+    def expectation(self, kind: str, count: int) -> Any:
+        """Step 2 of Algorithm 1 (``planners.interface.Expectation``); ``count``: m, where sampled."""
+        ...
+
+    def linear_reward(self) -> Any:
+        """r_theta = theta^T f of the reward features (``rewards.models.RewardModel``)."""
+        ...
+
+    def neural_reward(self, hidden: int, bound: float) -> Any:
+        """r_theta of a small network with ``hidden`` units, |r_theta| <= ``bound``."""
+        ...
+
+    def true_reward(self) -> Any:
+        """The experts' own reward, for methods that are given it."""
+        ...
+
+    def evaluation_planner(self, planner: Any, reward: Any) -> Any:
+        """What finds the policy that theta and omega mean; ``planner``: the settings of the one that learned them."""
+        ...
+
+    def experts(self, kind: str, side: str) -> Experts:
+        """Experts of one of ``expert_kinds``; ``side``: on which they pass obstacles, where they have a choice."""
+        ...
+
+    def figure(self, learned: Mapping[str, Learned], threshold: float, seed: int) -> Any:
+        """A picture (matplotlib's Figure) of what learners or methods, by name, ended with."""
         ...
 
 

@@ -12,18 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from mabirds_core.algorithm.parameters import Parameters
-from mabirds_core.arrays import Array, Mask, Vector, weighted_counts
-from mabirds_core.games.drones.game import DroneGame
-from mabirds_core.games.interface import TabularGame, Trajectories
+from mabirds_core.arrays import Mask, Vector, weighted_counts
+from mabirds_core.games.interface import Imitation, TabularGame, Trajectories
 from mabirds_core.planners.interface import TabularPolicy
 from mabirds_core.planners.occupancy import occupancy_measure
-
-
-class Imitation(NamedTuple):
-    """CVR and SR, each in [0, 1]."""
-
-    violation_rate: float
-    success_rate: float
 
 
 class ConstraintErrors(NamedTuple):
@@ -50,33 +42,6 @@ def sampled_imitation(game: TabularGame, trajectories: Trajectories) -> Imitatio
     violated = game.violation[trajectories.states, trajectories.actions].any(axis=1)
     arrived = game.goal[trajectories.states[:, -1]]
     return Imitation(float(violated.mean()), float((arrived & ~violated).mean()))
-
-
-def drone_imitation(game: DroneGame, flights: Trajectories) -> Imitation:
-    """CVR and SR of drones as shares of the given flights, each judged by its whole way, not by its steps alone."""
-    return Imitation(float(game.violates(flights).mean()), float(game.succeeds(flights).mean()))
-
-
-def place_visitation(game: DroneGame, flights: Trajectories, spacing: float = 0.5) -> Array:
-    """Discounted share of its time that each drone spends in each square of the room, shape (N_E, X, Y), sums 1.
-
-    ``spacing``: largest side of a square [m].
-    """
-    places = game.positions(flights.states)
-    counts = np.array(game.settings.lattice(spacing)) - 1
-    squares = np.minimum((places / game.room * counts).astype(np.int64), counts - 1)
-    numbers = squares[..., 0] * counts[1] + squares[..., 1]
-    weights = np.broadcast_to(game.discount ** np.arange(places.shape[1]), places.shape[:2]) / len(places)
-    by_drone = [weighted_counts(numbers[..., i], weights, int(counts.prod())) for i in range(game.n_experts)]
-    return np.asarray(np.stack(by_drone).reshape(-1, *counts) / weights.sum())
-
-
-def flight_distance(visitations: Sequence[Array]) -> float:
-    """Largest total variation distance of two policies' place visitations, mean over the drones, in [0, 1]."""
-    return max(
-        (float(np.abs(a - b).sum() / 2 / len(a)) for i, a in enumerate(visitations) for b in visitations[:i]),
-        default=0.0,
-    )
 
 
 def learned_constraints(omega: Vector, threshold: float) -> Mask:

@@ -10,14 +10,29 @@ from experiments import SETTINGS, changed
 from rooms import ROOM, flight_experiment, flight_settings, room
 
 from mabirds_core.errors import ExperimentError
-from mabirds_core.experiment.file import CHOICES, MOST_VALUES, MOVES, load_experiment
-from mabirds_core.experiment.learning_settings import LatticeSettings
+from mabirds_core.experiment.file import load_experiment, planners_for
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.lattice import Lattice, moves
+from mabirds_core.games.drones.planner_checks import MOST_VALUES, MOVES
+from mabirds_core.games.drones.planner_settings import LatticeSettings
 from mabirds_core.games.drones.settings import DroneSettings
-from mabirds_core.games.patrol.game import PatrolSettings
+from mabirds_core.games.patrol.settings import PatrolSettings
 
 DRONES = Path(__file__).resolve().parents[4] / "ros_ws" / "config" / "drones.yaml"
+
+CHOICES = {
+    "patrol": {
+        "algorithm.policy.kind": ["soft_q_learning", "soft_value_iteration"],
+        "algorithm.expectation": ["sampled", "exact"],
+        "demonstrations.experts": ["optimal", "soft"],
+    },
+    "drones": {
+        "algorithm.policy.kind": ["lattice", "soft_actor_critic"],
+        "algorithm.expectation": ["sampled"],
+        "demonstrations.experts": ["pilots"],
+    },
+}
+"""What each kind of game leaves to choose."""
 
 
 def write(directory: Path, content: dict[str, Any]) -> Path:
@@ -84,12 +99,12 @@ def test_what_is_not_made_for_the_game_is_refused_with_what_is(
     name = opening.split(" ", maxsplit=1)[0]
     message = refusal(write(tmp_path, content))
     assert opening in message
-    assert message.endswith(f": the game is {kind}; take one of {list(CHOICES[kind][name])}")
+    assert message.endswith(f": the game is {kind}; take one of {CHOICES[kind][name]}")
 
 
 @pytest.mark.parametrize("policy", ["soft_value_iteration", "soft_q_learning", "lattice", "soft_actor_critic"])
 def test_every_policy_finder_is_made_for_one_of_the_games(policy: str) -> None:
-    assert sum(policy in choices["algorithm.policy.kind"] for choices in CHOICES.values()) == 1
+    assert sum(policy in planners_for(form) for form in ("tabular", "drones")) == 1
 
 
 @pytest.mark.parametrize(

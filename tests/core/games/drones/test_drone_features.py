@@ -76,7 +76,7 @@ def test_terms_of_drones_and_pairs_add_up_to_the_weighted_features(
     visitation = some_visitation(game)
     rows = table(game, visitation, {"cost": slow_costs, "reward": slow_rewards}[kind])
     weights = np.random.default_rng(5).normal(size=rows.shape[1])
-    found = total_reward(game, features, weights, visitation.states, visitation.actions)
+    found = total_reward(game.space, features, weights, visitation.states, visitation.actions)
     np.testing.assert_allclose(found, rows @ weights, rtol=0, atol=1e-12)
 
 

@@ -17,13 +17,12 @@ from mabirds_core.baselines.bics import Bics
 from mabirds_core.consensus.strict import StrictState
 from mabirds_core.errors import ExperimentError, MabirdsError
 from mabirds_core.experiment.assembly import (
-    METHODS,
     build_estimator,
     build_game,
     build_learner,
     build_method,
-    drone_game,
-    patrol_game,
+    build_reward,
+    method_names,
     policy_of,
 )
 from mabirds_core.experiment.file import Experiment
@@ -32,8 +31,10 @@ from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.lattice import LatticeFinder, LatticePolicy
 from mabirds_core.games.drones.rewards import LinearDroneReward, NeuralDroneReward, TrueDroneReward
 from mabirds_core.games.drones.rollouts import drone_rollouts
+from mabirds_core.games.drones.study import drone_game
 from mabirds_core.games.interface import Trajectories, discounted_visitation
 from mabirds_core.games.patrol.game import PatrolGame
+from mabirds_core.games.patrol.study import patrol_game
 from mabirds_core.planners.soft_bellman import soft_bellman_policy
 
 NEURAL = {"algorithm.reward": {"kind": "neural", "hidden": 4, "bound": 5.0}}
@@ -121,11 +122,11 @@ def test_rollouts_begin_where_demonstrations_did() -> None:
     """Of two demonstrations that begin at the same place: the visitation at step 0 cancels out but for the effort."""
     settings = flight_experiment({**FROM_DEMONSTRATIONS, "game.discount": 1e-9})
     game, demonstration = drone_game(settings), flights(settings)["ann"][0]
-    estimator = build_estimator(settings, game)
+    estimator = build_estimator(settings, game, build_reward(settings, game))
     gradient = estimator(estimator.initial_parameters(0), demonstration, np.random.default_rng(0)).gradient
     np.testing.assert_allclose(gradient.theta, 0, atol=1e-8)
     np.testing.assert_allclose(gradient.omega[:-2], 0, atol=1e-8)
-    free = build_estimator(flight_experiment({"game.discount": 1e-9}), game)
+    free = build_estimator(flight_experiment({"game.discount": 1e-9}), game, build_reward(settings, game))
     gradient = free(free.initial_parameters(0), demonstration, np.random.default_rng(0)).gradient
     assert np.abs(gradient.theta).max() > 1e-3
 
@@ -158,7 +159,7 @@ def test_learning_makes_demonstrations_that_were_not_seen_likelier(changes: dict
 def test_every_drone_method_but_me_greedy_runs_and_repeats() -> None:
     settings = flight_experiment({"iterations": 3})
     streams = flights(settings)
-    for name in set(METHODS) - {"me_greedy"}:
+    for name in set(method_names()) - {"me_greedy"}:
         one, again = (simulate_central(settings, name, streams) for _ in range(2))
         assert_same_histories(one, again)
         assert one[name][-1].omega.any()
@@ -168,7 +169,7 @@ def test_every_drone_method_but_me_greedy_runs_and_repeats() -> None:
 def test_me_greedy_is_refused_for_drones(call: Any) -> None:
     settings = flight_experiment()
     arguments = (settings, "me_greedy") if call is build_method else (settings, "me_greedy", build_game(settings))
-    with pytest.raises(ExperimentError, match="me_greedy tries constraints one by one in a tabular game; for drones,"):
+    with pytest.raises(ExperimentError, match="method me_greedy is made for tabular games, and the game is drones"):
         call(*arguments)
 
 
@@ -185,7 +186,7 @@ def test_games_of_the_other_kind_are_refused() -> None:
 def test_the_reward_model_is_that_of_the_settings(changes: dict[str, Any], model: type[Any]) -> None:
     settings = flight_experiment(changes)
     assert isinstance(build_learner(settings, "ann").estimator.reward, model)
-    assert isinstance(build_estimator(settings, build_game(settings), "me_gradient").reward, TrueDroneReward)
+    assert isinstance(me_gradient(settings).estimator.reward, TrueDroneReward)
     finder: Any = build_learner(settings, "ann").estimator.finder
     assert (finder.spacing, finder.temperature) == (0.4, 1.0)
 

@@ -35,7 +35,7 @@ def some_theta(of: DroneRewardModel, seed: int = 0, scale: float = 1.0) -> Vecto
 
 def weighted_reward(model: DroneRewardModel, game: DroneGame, theta: Vector, over: Visitation) -> float:
     """sum_k weights[k] r_theta(states[k], actions[k])."""
-    return float(over.weights @ total_reward(game, model, theta, over.states, over.actions))
+    return float(over.weights @ total_reward(game.space, model, theta, over.states, over.actions))
 
 
 @every_game
@@ -80,7 +80,7 @@ def test_every_reward_is_zero_at_first(game: DroneGame, make: Make) -> None:
     model, over = make(game), visitation_of(game)
     theta = model.initial(np.random.default_rng(7))
     assert theta.shape == (model.size,)
-    assert not total_reward(game, model, theta, over.states, over.actions).any()
+    assert not total_reward(game.space, model, theta, over.states, over.actions).any()
     assert not model.gradient(theta, over)[theta != 0].any()
 
 
@@ -104,7 +104,7 @@ def test_a_neural_reward_is_bounded_for_every_theta(game: DroneGame, scale: floa
     model, over = neural(game), visitation_of(game)
     for seed in range(5):
         theta = some_theta(model, seed, scale)
-        assert np.abs(total_reward(game, model, theta, over.states, over.actions)).max() <= BOUND * (1 + 1e-15)
+        assert np.abs(total_reward(game.space, model, theta, over.states, over.actions)).max() <= BOUND * (1 + 1e-15)
         assert np.isfinite(model.gradient(theta, over)).all()
 
 
@@ -139,7 +139,7 @@ def test_the_true_reward_counts_the_drones_under_way() -> None:
     """Doors at (1.3, 1.0) with 0.2 m and (0.2, 0.9) with 0.25 m; 0.5 a step for each drone that is not there."""
     game = room(2)
     states = np.array([[0.3, 0.3, 1.3, 0.2], [1.3, 1.0, 1.3, 0.2], [0.3, 0.3, 0.2, 0.66], [1.3, 0.81, 0.2, 0.9]])
-    found = total_reward(game, TrueDroneReward(game), np.zeros(0), states, np.ones((4, 4)))
+    found = total_reward(game.space, TrueDroneReward(game), np.zeros(0), states, np.ones((4, 4)))
     assert found.tolist() == [-1.0, -0.5, -0.5, 0.0]
 
 
@@ -149,7 +149,7 @@ def test_the_true_reward_has_no_parameters(game: DroneGame) -> None:
     assert model.size == 0
     assert model.initial(np.random.default_rng(0)).shape == model.gradient(np.zeros(0), over).shape == (0,)
     arrived = game.arrived(over.states)
-    found = total_reward(game, model, np.zeros(0), over.states, over.actions)
+    found = total_reward(game.space, model, np.zeros(0), over.states, over.actions)
     np.testing.assert_allclose(found, -0.5 * (~arrived).sum(axis=1), rtol=0, atol=1e-15)
 
 

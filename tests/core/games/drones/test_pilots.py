@@ -18,7 +18,6 @@ from mabirds_core.games.drones.pilots import (
     PERSISTENCE,
     Pilots,
     correlated_noise,
-    pilot_demonstrations,
 )
 from mabirds_core.games.drones.settings import DroneSettings
 from mabirds_core.games.interface import Trajectories
@@ -41,7 +40,7 @@ def game(
 
 
 def drawn(pilots: Pilots, count: int, seed: int = 0) -> list[Trajectories]:
-    return list(pilot_demonstrations(pilots, count, np.random.default_rng(seed)))
+    return list(pilots.demonstrations(count, np.random.default_rng(seed)))
 
 
 def places(played: DroneGame, flight: Trajectories) -> np.ndarray:

@@ -15,12 +15,11 @@ from matplotlib.patches import Circle, Rectangle
 from mabirds_bringup.bench.cases import Case
 from mabirds_bringup.bench.learning import drawn_streams, learn
 from mabirds_bringup.evaluate.evaluation import evaluate
-from mabirds_bringup.report.figures import rooms_figure, save_figures
-from mabirds_core.experiment.assembly import drone_game
+from mabirds_bringup.report.figures import learned_by, save_figures
 from mabirds_core.experiment.file import Experiment, load_experiment
 from mabirds_core.experiment.simulate import History
 from mabirds_core.games.drones.game import DroneGame
-from mabirds_core.games.drones.rooms import (
+from mabirds_core.games.drones.pictures import (
     RESOLUTION,
     Learned,
     colour_of,
@@ -30,6 +29,7 @@ from mabirds_core.games.drones.rooms import (
     draw_flights,
     draw_room,
 )
+from mabirds_core.games.drones.study import drone_game
 
 MakeExperiment = Callable[..., Path]
 
@@ -130,6 +130,6 @@ def test_a_run_of_drones_has_its_pictures(drones: Experiment, history: History, 
 
 
 def test_the_map_of_a_run_of_drones_shows_every_learner(drones: Experiment, history: History) -> None:
-    figure = rooms_figure(drones, history)
+    figure = drone_game(drones).figure(learned_by(drones, history), 0.1, seed=0)
     assert sum(bool(axis.images) for axis in figure.axes) == 2 * len(history)
     plt.close(figure)

@@ -14,12 +14,12 @@ from mabirds_core.games.drones.actor_critic_networks import Adam, Networks, squa
 from mabirds_core.games.drones.features import total_reward
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.lattice import LatticeFinder
+from mabirds_core.games.drones.metrics import flight_distance, place_visitation
 from mabirds_core.games.drones.replay import Replay
 from mabirds_core.games.drones.rewards import LinearDroneReward, TrueDroneReward
 from mabirds_core.games.drones.rollouts import drone_rollouts
 from mabirds_core.games.drones.settings import DroneSettings
 from mabirds_core.games.drones.soft_actor_critic import SacFinder, SacPolicy
-from mabirds_core.metrics.metrics import flight_distance, place_visitation
 
 SMALL = {"hidden": 8, "steps": 4, "first_steps": 6, "batch": 8, "capacity": 200, "rollouts": 3}
 
@@ -190,8 +190,8 @@ def test_rewards_are_those_of_the_newest_parameters() -> None:
     states, actions = (values.double().numpy() for values in (batch.states, batch.actions))
 
     def reward(states: Array, actions: Array) -> Array:
-        own = total_reward(game, one.reward_model, np.zeros(0), states, actions)
-        return np.asarray(own + total_reward(game, game.cost_features, omega, states, actions))
+        own = total_reward(game.space, one.reward_model, np.zeros(0), states, actions)
+        return np.asarray(own + total_reward(game.space, game.cost_features, omega, states, actions))
 
     idle = np.zeros_like(actions)
     assert np.allclose(batch.efforts.numpy(), reward(states, actions) - reward(states, idle), atol=1e-5)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from mabirds_core.errors import InfeasibleError
-from mabirds_core.games.patrol.game import PatrolGame, PatrolSettings
+from mabirds_core.games.patrol.game import PatrolGame
+from mabirds_core.games.patrol.settings import PatrolSettings
 from mabirds_core.games.tabular.experts import KINDS, OptimalExperts, SoftExperts, demonstrations
 
 Cell = tuple[int, int]

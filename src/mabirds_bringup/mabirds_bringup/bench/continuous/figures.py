@@ -13,10 +13,9 @@ from mabirds_bringup.bench.continuous.cases import LATTICE, SOFT_ACTOR_CRITIC, V
 from mabirds_bringup.bench.continuous.outcome import Outcome
 from mabirds_bringup.bench.figures import draw_band, save_all
 from mabirds_bringup.bench.learning import drawn_streams
-from mabirds_bringup.report.figures import costs_figure
-from mabirds_core.experiment.assembly import drone_game
 from mabirds_core.experiment.file import Experiment
-from mabirds_core.games.drones.rooms import Learned, draw_flights, draw_room
+from mabirds_core.games.drones.pictures import LearnedCosts, costs_figure, draw_flights, draw_room
+from mabirds_core.games.drones.study import drone_game
 
 SHOWN_DEMONSTRATIONS = 40
 LABEL_BOX = {"boxstyle": "round,pad=0.2", "fc": "white", "ec": "none", "alpha": 0.85}
@@ -34,7 +33,7 @@ def save_figures(main: Experiment, sac: Experiment | None, outcomes: Sequence[Ou
         learners = [one for one in networks if one.label == MABIRDS and one.seed == networks[0].seed]
         if learners:
             experiment = sac if sac and group == SOFT_ACTOR_CRITIC else main
-            learned = {one.learner: Learned(np.array(one.omega), np.array(one.flights)) for one in learners}
+            learned = {one.learner: LearnedCosts(np.array(one.omega), np.array(one.flights)) for one in learners}
             figures[f"cost{suffix}.png"] = costs_figure(drone_game(experiment), learned)
         if ones:
             figures[f"rates{suffix}.png"] = rates_figure(ones)

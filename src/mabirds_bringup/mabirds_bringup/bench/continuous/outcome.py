@@ -9,23 +9,18 @@ import numpy as np
 
 from mabirds_bringup.bench.cases import Case
 from mabirds_bringup.bench.learning import Streams, drawn_streams, learn
-from mabirds_bringup.evaluate.evaluation import flights_of
 from mabirds_core.algorithm.gradient import stacked
 from mabirds_core.arrays import Array
-from mabirds_core.experiment.assembly import drone_game, policy_of
+from mabirds_core.experiment.assembly import policy_of
 from mabirds_core.experiment.file import Experiment
-from mabirds_core.experiment.learning_settings import SoftActorCriticSettings
 from mabirds_core.experiment.simulate import History, Progress
-from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.learned_costs import closeness_costs, flown_costs, pillar_costs
-from mabirds_core.games.interface import Trajectories
-from mabirds_core.metrics.metrics import (
-    Imitation,
-    consensus_distance,
-    drone_imitation,
-    flight_distance,
-    place_visitation,
-)
+from mabirds_core.games.drones.metrics import drone_imitation, flight_distance, place_visitation
+from mabirds_core.games.drones.planner_settings import SoftActorCriticSettings
+from mabirds_core.games.drones.study import drone_game, flights_of
+from mabirds_core.games.drones.whole_game import WholeDroneGame
+from mabirds_core.games.interface import Imitation, Trajectories
+from mabirds_core.metrics.metrics import consensus_distance
 
 FLIGHTS = 2000
 """That judge a policy after the last update, and after the closing rounds; a tenth of them after every other."""
@@ -94,7 +89,7 @@ class _Case:
 
     case: Case
     experiment: Experiment
-    game: DroneGame
+    game: WholeDroneGame
     streams: Streams
     history: History
     progress: dict[str, list[Progress]]

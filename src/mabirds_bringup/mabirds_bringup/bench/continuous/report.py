@@ -21,8 +21,8 @@ from mabirds_bringup.bench.continuous.targets import targets
 from mabirds_bringup.bench.report import Page, Section, machine
 from mabirds_bringup.bench.targets import COLUMNS as TARGET_COLUMNS
 from mabirds_bringup.bench.targets import Target, target_lines
-from mabirds_core.experiment.assembly import drone_game
 from mabirds_core.experiment.file import Experiment
+from mabirds_core.games.drones.study import drone_game
 
 GROUPS = {
     LATTICE: "Table 3: all methods on the same demonstrations, policies found on a lattice",

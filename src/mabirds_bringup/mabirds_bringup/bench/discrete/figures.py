@@ -14,10 +14,10 @@ from mabirds_bringup.bench.discrete.cases import HARD, MAIN, VARIATIONS
 from mabirds_bringup.bench.discrete.outcome import Outcome
 from mabirds_bringup.bench.figures import draw_band, save_all
 from mabirds_bringup.bench.tables import name_of
-from mabirds_core.experiment.assembly import patrol_game
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.games.patrol.game import PatrolGame
-from mabirds_core.games.patrol.maps import draw_map, draw_ways
+from mabirds_core.games.patrol.pictures import draw_map, draw_ways
+from mabirds_core.games.patrol.study import patrol_game
 from mabirds_expert_player.recorder import expert_streams
 
 SHOWN_DEMONSTRATIONS = 12

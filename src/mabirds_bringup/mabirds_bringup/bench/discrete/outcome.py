@@ -6,12 +6,13 @@ import numpy as np
 
 from mabirds_bringup.bench.cases import Case
 from mabirds_bringup.bench.learning import drawn_streams, learn
-from mabirds_bringup.evaluate.evaluation import visits
 from mabirds_core.algorithm.parameters import Parameters
-from mabirds_core.experiment.assembly import patrol_game, policy_of
+from mabirds_core.experiment.assembly import policy_of
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import Progress
 from mabirds_core.games.patrol.game import PatrolGame
+from mabirds_core.games.patrol.pictures import visits
+from mabirds_core.games.patrol.study import patrol_game
 from mabirds_core.metrics.metrics import constraint_errors, exact_imitation, learned_constraints
 
 DIGITS = 6

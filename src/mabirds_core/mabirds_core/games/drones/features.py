@@ -7,15 +7,14 @@ Each is a sum of terms of one drone and of two drones, which the lattice finder 
 
 from collections.abc import Iterator
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from mabirds_core.arrays import Array, Vector
+from mabirds_core.games.drones.settings import DroneFeatureSettings, DroneSettings
+from mabirds_core.games.drones.space import DroneSpace
 from mabirds_core.games.interface import Visitation
-
-if TYPE_CHECKING:
-    from mabirds_core.games.drones.game import DroneGame
 
 
 class DroneReward(Protocol):
@@ -30,21 +29,21 @@ class DroneReward(Protocol):
         ...
 
 
-def total_reward(game: "DroneGame", reward: DroneReward, weights: Vector, states: Array, actions: Array) -> Vector:
+def total_reward(space: DroneSpace, reward: DroneReward, weights: Vector, states: Array, actions: Array) -> Vector:
     """r(s, a) of M joint states (M, N_E D) and actions (M, 2 N_E), shape (M,)."""
-    drones, controls = game.drones(states), game.controls(actions)
+    drones, controls = space.drones(states), space.controls(actions)
     result = np.zeros(len(states))
-    for i in range(game.n_experts):
+    for i in range(space.n_experts):
         result += reward.alone(weights, i, drones[:, i], controls[:, i])
-    for pair, distances in enumerate(pair_distances(game, states)):
+    for pair, distances in enumerate(pair_distances(space, states)):
         result += reward.together(weights, pair, distances)
     return result
 
 
-def pair_distances(game: "DroneGame", states: Array) -> Iterator[Array]:
+def pair_distances(space: DroneSpace, states: Array) -> Iterator[Array]:
     """|p_i - p_j| [m] for every pair in turn, shape (M,) each."""
-    places = game.positions(states)
-    for i, j in game.pairs:
+    places = space.positions(states)
+    for i, j in space.pairs:
         yield np.sqrt(((places[:, i] - places[:, j]) ** 2).sum(axis=-1))
 
 
@@ -91,50 +90,49 @@ class DroneCostFeatures:
     (1 - exp(-|p - door|^2 / 2 radius^2)). Effort is (|a| / largest action)^2 times ``effort_scale``.
     """
 
-    def __init__(self, game: "DroneGame") -> None:
-        settings = game.settings.features
-        self._game, self._widths = game, np.array(settings.distance_widths)
-        counts = game.settings.lattice(settings.cost_spacing)
-        self.lattice = BumpLattice(game.settings.room, counts, settings.cost_width)
-        self._effort = settings.effort_scale / game.dynamics.max_action**2
+    def __init__(self, space: DroneSpace, settings: DroneSettings, max_action: float) -> None:
+        features = settings.features
+        self._space, self._widths = space, np.array(features.distance_widths)
+        self._doors, self._distance_scale = [task.door for task in settings.drones], features.distance_scale
+        self.lattice = BumpLattice(space.sides, space.grid(features.cost_spacing), features.cost_width)
+        self._effort = features.effort_scale / max_action**2
 
     @cached_property
     def names(self) -> tuple[str, ...]:
         """One for people a feature."""
-        drones = range(1, self._game.n_experts + 1)
+        drones = range(1, self._space.n_experts + 1)
         return (
             *(f"drone_{i} near ({x:.2f}, {y:.2f}) m" for i in drones for x, y in self.lattice.nodes),
-            *(f"drones {i + 1} and {j + 1} within {w:g} m" for i, j in self._game.pairs for w in self._widths),
+            *(f"drones {i + 1} and {j + 1} within {w:g} m" for i, j in self._space.pairs for w in self._widths),
             *(f"drone_{i} effort" for i in drones),
         )
 
     def _parts(self, weights: Vector) -> tuple[Array, Array, Vector]:
         """Weights of places (N_E, X Y), of distances (pairs, widths) and of effort (N_E,)."""
-        n, pairs = self._game.n_experts, len(self._game.pairs)
+        n, pairs = self._space.n_experts, len(self._space.pairs)
         places, distances, effort = np.split(weights, np.cumsum([n * self.lattice.size, pairs * len(self._widths)]))
         return places.reshape(n, -1), distances.reshape(pairs, len(self._widths)), effort
 
     def _fade(self, drone: int, places: Array) -> Vector:
-        door = self._game.settings.drones[drone].door
+        door = self._doors[drone]
         away = ((places - door.centre) ** 2).sum(axis=-1)
         return np.asarray(1 - np.exp(-away / (2 * door.radius**2)))
 
     def _bumps(self, distances: Array) -> Array:
         """scale exp(-d^2 / 2 width^2), shape (*distances.shape, widths)."""
-        scale = self._game.settings.features.distance_scale
-        return np.asarray(scale * np.exp(-(distances[..., None] ** 2) / (2 * self._widths**2)))
+        return np.asarray(self._distance_scale * np.exp(-(distances[..., None] ** 2) / (2 * self._widths**2)))
 
     def total(self, visitation: Visitation) -> Vector:
         """sum_k weights[k] phi(states[k], actions[k]), shape (K,)."""
-        game, (states, actions, weights) = self._game, visitation
-        places, controls = game.positions(states), game.controls(actions)
+        space, (states, actions, weights) = self._space, visitation
+        places, controls = space.positions(states), space.controls(actions)
         return np.concatenate(
             [
                 *(
                     self.lattice.total(places[:, i], weights * self._fade(i, places[:, i]))
-                    for i in range(game.n_experts)
+                    for i in range(space.n_experts)
                 ),
-                *(weights @ self._bumps(distances) for distances in pair_distances(game, states)),
+                *(weights @ self._bumps(distances) for distances in pair_distances(space, states)),
                 weights @ (controls**2).sum(axis=-1) * self._effort,
             ]
         )
@@ -154,28 +152,26 @@ class DroneCostFeatures:
 class DroneRewardFeatures:
     """f: bumps of each drone's place, wider than those of the costs and also at the doors."""
 
-    def __init__(self, game: "DroneGame") -> None:
-        settings = game.settings.features
-        self._game = game
-        counts = game.settings.lattice(settings.reward_spacing)
-        self.lattice = BumpLattice(game.settings.room, counts, settings.reward_width)
+    def __init__(self, space: DroneSpace, settings: DroneFeatureSettings) -> None:
+        self._space = space
+        self.lattice = BumpLattice(space.sides, space.grid(settings.reward_spacing), settings.reward_width)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
         """One for people a feature."""
-        drones = range(1, self._game.n_experts + 1)
+        drones = range(1, self._space.n_experts + 1)
         return tuple(f"drone_{i} near ({x:.2f}, {y:.2f}) m" for i in drones for x, y in self.lattice.nodes)
 
     def total(self, visitation: Visitation) -> Vector:
         """sum_k weights[k] f(states[k], actions[k]), shape (K,)."""
-        places = self._game.positions(visitation.states)
+        places = self._space.positions(visitation.states)
         return np.concatenate(
-            [self.lattice.total(places[:, i], visitation.weights) for i in range(self._game.n_experts)]
+            [self.lattice.total(places[:, i], visitation.weights) for i in range(self._space.n_experts)]
         )
 
     def alone(self, weights: Vector, drone: int, states: Array, actions: Array) -> Array:  # noqa: ARG002 - of places
         """Rewards of one drone's place."""
-        return self.lattice.values(weights.reshape(self._game.n_experts, -1)[drone], states[..., :2])
+        return self.lattice.values(weights.reshape(self._space.n_experts, -1)[drone], states[..., :2])
 
     def together(self, weights: Vector, pair: int, distances: Array) -> Array:  # noqa: ARG002 - each drone has its own
         """Nothing."""

@@ -7,17 +7,17 @@ touching a pillar, and coming closer to another drone than the least distance, a
 """
 
 from functools import cached_property
-from itertools import combinations
 
 import numpy as np
 
 from mabirds_core.arrays import Array, Mask
-from mabirds_core.digest import digest
+from mabirds_core.digest import trajectory_digest
 from mabirds_core.errors import ImpossibleTrajectoryError
 from mabirds_core.games.drones.dynamics import DroneDynamics
 from mabirds_core.games.drones.features import DroneCostFeatures, DroneRewardFeatures
 from mabirds_core.games.drones.geometry import swept_distance, swept_separation
 from mabirds_core.games.drones.settings import DroneSettings
+from mabirds_core.games.drones.space import DroneSpace
 from mabirds_core.games.interface import Trajectories
 
 TOLERANCE = 1e-6
@@ -33,31 +33,17 @@ class DroneGame:
         self.horizon = settings.horizon
         self.discount = settings.discount
         self.dynamics = DroneDynamics.of(settings)
-        self.state_size = self.n_experts * self.dynamics.drone_size
-        self.action_size = 2 * self.n_experts
-        self.room = np.array(settings.room)
+        self.space = space = DroneSpace(settings.room, settings.n_experts, self.dynamics.drone_size)
+        self.state_size, self.action_size = space.state_size, space.action_size
+        self.room, self.pairs = space.room, space.pairs
+        self.drones, self.positions, self.controls = space.drones, space.positions, space.controls
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of the settings."""
-        return digest(self.settings.model_dump(mode="json"))
-
-    @property
-    def pairs(self) -> list[tuple[int, int]]:
-        """Every two drones."""
-        return list(combinations(range(self.n_experts), 2))
-
-    def drones(self, states: Array) -> Array:
-        """Joint states (..., N_E D) by drone: (..., N_E, D)."""
-        return states.reshape(*states.shape[:-1], self.n_experts, self.dynamics.drone_size)
-
-    def positions(self, states: Array) -> Array:
-        """Where the drones of joint states (..., N_E D) are: (..., N_E, 2)."""
-        return self.drones(states)[..., :2]
-
-    def controls(self, actions: Array) -> Array:
-        """Joint actions (..., 2 N_E) by drone: (..., N_E, 2)."""
-        return actions.reshape(*actions.shape[:-1], self.n_experts, 2)
+        """Of the room, the drones, how they move and their doors, at which they stay; pillars bind nobody."""
+        constants = {name: value for name, value in vars(self.dynamics).items() if name != "library"}
+        plain = {name: np.asarray(value).tolist() for name, value in constants.items()}
+        return trajectory_digest("drones", plain, self.horizon)
 
     def starts(self, count: int, rng: np.random.Generator) -> Array:
         """``count`` joint states from P_0, uniform in the starts' squares within the room, at rest; (count, N_E D)."""
@@ -81,12 +67,12 @@ class DroneGame:
     @cached_property
     def cost_features(self) -> DroneCostFeatures:
         """phi: bumps of each drone's place, bumps of two drones' distance, each drone's effort."""
-        return DroneCostFeatures(self)
+        return DroneCostFeatures(self.space, self.settings, self.dynamics.max_action)
 
     @cached_property
     def reward_features(self) -> DroneRewardFeatures:
         """f: wider bumps of each drone's place."""
-        return DroneRewardFeatures(self)
+        return DroneRewardFeatures(self.space, self.settings.features)
 
     @cached_property
     def true_constraints(self) -> Mask:

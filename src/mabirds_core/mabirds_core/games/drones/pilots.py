@@ -21,7 +21,6 @@ import numpy as np
 
 from mabirds_core.arrays import Array, Indices, Mask, Vector
 from mabirds_core.errors import InfeasibleError
-from mabirds_core.experiment.file import PassingSide
 from mabirds_core.games.drones.flight_paths import LEFT, RIGHT, FlightPaths, PathPlanner, Side
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.geometry import swept_separation
@@ -57,7 +56,7 @@ class Pilots:
     """Draws demonstrations; see the module."""
 
     game: DroneGame
-    side: PassingSide
+    side: str
     """By start: those who start left of the straight way from their start's middle to their door pass left."""
     cruise: tuple[float, float] = (0.88, 1.0)
     """Least and largest cruising speed, by the game's largest."""
@@ -71,6 +70,11 @@ class Pilots:
     """Beyond the least distance, what they want between them then [m]."""
     margin: float = 0.1
     """What a demonstration leaves to every pillar, and beyond the least distance between drones [m]."""
+
+    def demonstrations(self, count: int, rng: np.random.Generator) -> Iterator[Trajectories]:
+        """``count`` demonstrations. Raises InfeasibleError where there are none, or too few to be found."""
+        for _ in range(count):
+            yield self.demonstration(rng)
 
     def demonstration(self, rng: np.random.Generator) -> Trajectories:
         """One demonstration. Raises InfeasibleError where none is found, or a drone has no way to its door."""
@@ -250,9 +254,3 @@ def _at_most(vectors: Array, longest: float) -> Array:
     """Vectors (k, 2), shortened where they are longer."""
     length = np.hypot(*vectors.T)[:, None]
     return np.asarray(vectors * np.where(length > longest, longest / np.maximum(length, 1e-300), 1.0))
-
-
-def pilot_demonstrations(pilots: Pilots, count: int, rng: np.random.Generator) -> Iterator[Trajectories]:
-    """``count`` demonstrations. Raises InfeasibleError where the game has none, or they are too rare to be found."""
-    for _ in range(count):
-        yield pilots.demonstration(rng)

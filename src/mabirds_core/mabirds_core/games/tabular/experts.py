@@ -77,13 +77,13 @@ class SoftExperts:
         return self._policy.log_probabilities(step, states)
 
 
-Experts = OptimalExperts | SoftExperts
+TabularExpertPolicy = OptimalExperts | SoftExperts
 
-KINDS: dict[str, type[Experts]] = {"optimal": OptimalExperts, "soft": SoftExperts}
+KINDS: dict[str, type[TabularExpertPolicy]] = {"optimal": OptimalExperts, "soft": SoftExperts}
 """By the name in the experiment file."""
 
 
-def demonstrations(experts: Experts, count: int, rng: np.random.Generator) -> Iterator[Trajectories]:
+def demonstrations(experts: TabularExpertPolicy, count: int, rng: np.random.Generator) -> Iterator[Trajectories]:
     """``count`` demonstrations from P_0. Raises InfeasibleError where a start has no clean way to the goal."""
     game = experts.game
     starts = np.flatnonzero(game.initial_distribution)
@@ -95,3 +95,14 @@ def demonstrations(experts: Experts, count: int, rng: np.random.Generator) -> It
         )
     for _ in range(count):
         yield rollouts(game, experts, 1, rng)
+
+
+@dataclass(frozen=True)
+class TabularExperts:
+    """Experts who follow one of these policies."""
+
+    policy: TabularExpertPolicy
+
+    def demonstrations(self, count: int, rng: np.random.Generator) -> Iterator[Trajectories]:
+        """``count`` demonstrations from P_0, one trajectory each."""
+        return demonstrations(self.policy, count, rng)

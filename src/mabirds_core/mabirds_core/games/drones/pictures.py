@@ -1,18 +1,24 @@
-"""A room with drones on an axis: pillars, doors, starts, flights, and what places are learned to cost."""
+"""Rooms with drones: pillars, doors, starts, flights, and what places and distances are learned to cost."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+import matplotlib as mpl
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import FigureBase
+from matplotlib.figure import Figure, FigureBase
 from matplotlib.image import AxesImage
 from matplotlib.patches import Circle, Rectangle
 from matplotlib.patheffects import Normal, Stroke
 
 from mabirds_core.arrays import Array, Vector
 from mabirds_core.games.drones.game import DroneGame
+from mabirds_core.games.drones.judge import FlightJudge
 from mabirds_core.games.drones.learned_costs import distance_costs, place_costs
+from mabirds_core.games.interface import Learned
 
 COLOURS = ("tab:red", "tab:blue", "tab:green", "tab:orange", "tab:purple", "tab:brown")
 """Of the drones, in turn."""
@@ -74,14 +80,14 @@ def draw_cost(
     return axis.imshow(field, cmap=FIELD, origin="lower", extent=extent, vmin=low, vmax=high)
 
 
-class Learned(NamedTuple):
+class LearnedCosts(NamedTuple):
     """Cost weights omega (K,) and flights of the policy (m, T + 1, N_E, 2) [m]."""
 
     omega: Vector
     places: Array
 
 
-def draw_costs(figure: FigureBase, game: DroneGame, learned: dict[str, Learned]) -> None:
+def draw_costs(figure: FigureBase, game: DroneGame, learned: dict[str, LearnedCosts]) -> None:
     """A column for each name in ``learned``, a row a drone; one scale for all panels."""
     axes = figure.subplots(game.n_experts, len(learned), squeeze=False)
     fields = [cost_field(game, omega, drone) for omega, _ in learned.values() for drone in range(game.n_experts)]
@@ -104,3 +110,25 @@ def draw_distance_costs(axis: Axes, game: DroneGame, omegas: dict[str, Vector]) 
     axis.axvline(game.settings.least_distance, color="0.1", linestyle="--", linewidth=0.9)
     axis.set(xlabel="distance of the drones [m]", ylabel="learned cost [reward]")
     axis.legend(fontsize=7)
+
+
+SHOWN_FLIGHTS = 15
+
+
+def rooms_figure(game: DroneGame, judge: FlightJudge, learned: Mapping[str, Learned], seed: int) -> Figure:
+    """A panel per name and drone: what places cost and some flights; what distances cost."""
+    costs = {
+        name: LearnedCosts(omega, game.positions(judge.flights(policy, seed, SHOWN_FLIGHTS).states))
+        for name, (policy, omega) in learned.items()
+    }
+    return costs_figure(game, costs)
+
+
+def costs_figure(game: DroneGame, learned: dict[str, LearnedCosts]) -> Figure:
+    """Learned costs by name: of each drone's places, with flights, and of the drones' distances."""
+    width = 2.3 * len(learned) + 1.0
+    figure = plt.figure(figsize=(width + 3.6, 2.3 * game.n_experts + 0.5), layout="constrained")
+    rooms, distances = figure.subfigures(1, 2, squeeze=False, width_ratios=(width, 3.6))[0]
+    draw_costs(rooms, game, learned)
+    draw_distance_costs(distances.subplots(), game, {name: costs.omega for name, costs in learned.items()})
+    return figure

@@ -1,0 +1,49 @@
+"""The entry points of the central methods."""
+
+from mabirds_core.baselines.bics import Bics
+from mabirds_core.baselines.dlm import Dlm
+from mabirds_core.baselines.ftl import Ftl
+from mabirds_core.baselines.interface import MethodParts
+from mabirds_core.baselines.me_greedy import MeGreedy
+from mabirds_core.baselines.settings import (
+    BicsSettings,
+    DlmSettings,
+    FtlSettings,
+    MeGradientSettings,
+    MeGreedySettings,
+)
+from mabirds_core.registry import Kind
+
+
+def build_bics(settings: BicsSettings, parts: MethodParts) -> Bics:  # noqa: ARG001 - there is nothing to set
+    """The single loop with one central learner."""
+    return Bics(parts.estimator(parts.reward), parts.steps, parts.window, parts.seed)
+
+
+def build_ftl(settings: FtlSettings, parts: MethodParts) -> Ftl:
+    """Follow the leader."""
+    steps = settings.steps or parts.steps
+    return Ftl(parts.estimator(parts.reward), steps, settings.tolerance, settings.most_steps, parts.seed)
+
+
+def build_dlm(settings: DlmSettings, parts: MethodParts) -> Dlm:
+    """The double loop."""
+    steps, estimator = settings.steps or parts.steps, parts.estimator(parts.reward)
+    return Dlm(estimator, steps, settings.window, settings.tolerance, settings.most_steps, parts.seed)
+
+
+def build_me_greedy(settings: MeGreedySettings, parts: MethodParts) -> MeGreedy:
+    """Constraints, by likelihood."""
+    return MeGreedy(parts.game, settings.least_mass)
+
+
+def build_me_gradient(settings: MeGradientSettings, parts: MethodParts) -> Bics:
+    """BICS with nothing to learn but omega."""
+    return Bics(parts.estimator(parts.game.true_reward()), settings.steps or parts.steps, parts.window, parts.seed)
+
+
+BICS = Kind(BicsSettings, build_bics)
+FTL = Kind(FtlSettings, build_ftl)
+DLM = Kind(DlmSettings, build_dlm)
+ME_GREEDY = Kind(MeGreedySettings, build_me_greedy, form="tabular")
+ME_GRADIENT = Kind(MeGradientSettings, build_me_gradient)

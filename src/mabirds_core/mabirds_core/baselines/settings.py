@@ -1,0 +1,39 @@
+"""Central methods as written in an experiment file. All take the algorithm's step sizes where they name none."""
+
+from pydantic import Field
+
+from mabirds_core.algorithm.parameters import StepSizes
+from mabirds_core.settings import Settings
+
+
+class BicsSettings(Settings):
+    """BICS takes the settings of the algorithm."""
+
+
+class FtlSettings(Settings):
+    """Follow the leader."""
+
+    steps: StepSizes | None = Field(None, description="step sizes; default: the algorithm's")
+    tolerance: float = Field(0.3, gt=0, description="largest entry of a gradient that counts as stationary")
+    most_steps: int = Field(50, ge=1, le=100_000, description="gradient steps per iteration")
+
+
+class DlmSettings(Settings):
+    """The double loop."""
+
+    steps: StepSizes | None = Field(None, description="step sizes; default: the algorithm's")
+    tolerance: float = Field(0.5, gt=0, description="largest entry of the inner gradient that counts as solved")
+    most_steps: int = Field(50, ge=1, le=100_000, description="inner steps per iteration")
+    window: int = Field(10, ge=1, le=1000, description="l: iterations whose demonstrations make a loss")
+
+
+class MeGreedySettings(Settings):
+    """Maximum-likelihood constraint inference with the true reward given."""
+
+    least_mass: float = Field(0.01, gt=0, lt=1, description="probability that a new constraint must remove")
+
+
+class MeGradientSettings(Settings):
+    """Maximum-entropy constraint inference by gradient with the true reward given."""
+
+    steps: StepSizes | None = Field(None, description="step sizes; default: the algorithm's")

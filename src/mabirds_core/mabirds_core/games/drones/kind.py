@@ -1,0 +1,50 @@
+"""The entry points of the drone game and of the planners that are made for it; what they build is loaded with it."""
+
+from typing import Any
+
+from mabirds_core.extras import require
+from mabirds_core.games.drones.planner_settings import LatticeSettings, SoftActorCriticSettings
+from mabirds_core.games.drones.settings import DroneSettings
+from mabirds_core.registry import Kind
+
+
+def build_drones(settings: DroneSettings) -> Any:
+    """The game of the settings."""
+    from mabirds_core.games.drones.whole_game import WholeDroneGame
+
+    return WholeDroneGame(settings)
+
+
+def build_lattice(settings: LatticeSettings, game: Any, reward: Any) -> Any:
+    """The near-exact planner."""
+    from mabirds_core.games.drones.whole_game import build_lattice as built
+
+    return built(settings, game, reward)
+
+
+def build_soft_actor_critic(settings: SoftActorCriticSettings, game: Any, reward: Any) -> Any:
+    """The planner that learns from flights."""
+    require("torch", "policies of kind soft_actor_critic", "mabirds_core[sac]")
+    from mabirds_core.games.drones.soft_actor_critic import SacFinder  # torch takes a second to load, and 200 MB
+
+    return SacFinder(game, reward, **settings.model_dump(exclude={"kind"}))
+
+
+def check_lattice(settings: LatticeSettings, game: Any) -> None:
+    """Raise ExperimentError where a lattice does not suit the game."""
+    from mabirds_core.games.drones.planner_checks import check_lattice as check
+
+    check(settings, game)
+
+
+def check_soft_actor_critic(settings: SoftActorCriticSettings, game: Any) -> None:
+    """Raise ExperimentError where its rollouts do not fit into memory."""
+    from mabirds_core.games.drones.planner_checks import check_soft_actor_critic as check
+
+    check(settings, game)
+
+
+FORM = "drones"
+DRONES = Kind(DroneSettings, build_drones, form=FORM)
+LATTICE = Kind(LatticeSettings, build_lattice, form=FORM, check=check_lattice)
+SOFT_ACTOR_CRITIC = Kind(SoftActorCriticSettings, build_soft_actor_critic, form=FORM, check=check_soft_actor_critic)

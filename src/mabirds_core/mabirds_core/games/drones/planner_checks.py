@@ -1,0 +1,42 @@
+"""Which planners suit which games of drones."""
+
+import math
+
+from mabirds_core.errors import ExperimentError
+from mabirds_core.games.drones.game import DroneGame
+from mabirds_core.games.drones.planner_settings import LatticeSettings, SoftActorCriticSettings
+from mabirds_core.planners.settings import check_rollouts
+
+MOST_VALUES = 200_000_000
+"""Values that a policy on a lattice may keep, and weights of where moves lead: 1.6 gigabytes each."""
+
+MOVES = 25
+"""Of a drone on a lattice."""
+
+
+def suits_lattice(game: DroneGame) -> bool:
+    """Whether a lattice can plan for the game."""
+    return game.n_experts <= 2 and game.settings.dynamics == "single_integrator"
+
+
+def check_lattice(lattice: LatticeSettings, game: DroneGame) -> None:
+    """One or two drones, and values that fit into memory; raises ExperimentError otherwise."""
+    settings = game.settings
+    if not suits_lattice(game):
+        raise ExperimentError(
+            f"algorithm.policy lattice: made for one or two single integrators, found {game.n_experts} drones that"
+            f" are {settings.dynamics}s; take soft_actor_critic"
+        )
+    nodes = math.prod(float(count) for count in settings.lattice(lattice.spacing))
+    of_states = nodes**game.n_experts * (game.horizon + 2)
+    of_moves = nodes * game.n_experts * MOVES * math.prod(map(float, settings.window(lattice.spacing)))
+    if (values := max(of_states, of_moves)) > MOST_VALUES:
+        raise ExperimentError(
+            f"algorithm.policy.spacing {lattice.spacing:g} m makes {values:.2g} values, expected at most"
+            f" {MOST_VALUES:.2g}; take a larger one"
+        )
+
+
+def check_soft_actor_critic(settings: SoftActorCriticSettings, game: DroneGame) -> None:
+    """What is rolled out at once must fit into memory; raises ExperimentError otherwise."""
+    check_rollouts("policy.rollouts", settings.rollouts, game.horizon)

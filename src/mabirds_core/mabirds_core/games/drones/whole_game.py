@@ -1,0 +1,79 @@
+"""The drone game with all that experiments ask of a game."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from mabirds_core.extras import require
+from mabirds_core.games.drones.game import DroneGame
+from mabirds_core.games.drones.judge import FlightJudge
+from mabirds_core.games.drones.planner_checks import suits_lattice
+from mabirds_core.games.drones.planner_settings import LatticeSettings, SoftActorCriticSettings
+from mabirds_core.games.drones.rewards import DroneRewardModel, LinearDroneReward, NeuralDroneReward, TrueDroneReward
+from mabirds_core.games.drones.rollouts import SampledDroneExpectation
+from mabirds_core.games.interface import Experts, Learned
+from mabirds_core.planners.interface import PolicyFinder
+from mabirds_core.registry import build
+
+DRONES, SAC = "mabirds_core[drones]", "mabirds_core[sac]"
+"""What brings scipy, and what brings torch besides."""
+
+JUDGE_SPACING = 0.3
+"""Metres between the nodes on which the parameters of soft actor-critics are judged."""
+
+
+class WholeDroneGame(DroneGame):
+    """``interface.Game`` of drones."""
+
+    expectations = ("sampled",)
+    expert_kinds = ("pilots",)
+
+    @property
+    def judge(self) -> FlightJudge:
+        """By flights."""
+        return FlightJudge(self)
+
+    def expectation(self, kind: str, count: int) -> SampledDroneExpectation:  # noqa: ARG002 - there is no other
+        """Means over ``count`` rollouts."""
+        return SampledDroneExpectation(self, count)
+
+    def linear_reward(self) -> LinearDroneReward:
+        """theta^T f."""
+        return LinearDroneReward(self)
+
+    def neural_reward(self, hidden: int, bound: float) -> NeuralDroneReward:
+        """A network for each drone's place."""
+        require("torch", "a neural reward of drones", SAC)
+        return NeuralDroneReward(self, hidden, bound)
+
+    def true_reward(self) -> TrueDroneReward:
+        """Minus the step cost for each drone under way."""
+        return TrueDroneReward(self)
+
+    def evaluation_planner(self, planner: Any, reward: DroneRewardModel) -> PolicyFinder:
+        """Near-exact, on a lattice, for one or two single integrators; otherwise the planner that learned, anew."""
+        if isinstance(planner, SoftActorCriticSettings) and suits_lattice(self):
+            coarse = LatticeSettings(kind="lattice", spacing=JUDGE_SPACING, temperature=planner.temperature)
+            return build_lattice(coarse, self, reward)
+        own: PolicyFinder = build("mabirds.planners", planner, self, reward)
+        return own
+
+    def experts(self, kind: str, side: str) -> Experts:  # noqa: ARG002 - there is no other
+        """Pilots, who pass pillars on ``side``."""
+        require("scipy", "pilots of drones", DRONES)
+        from mabirds_core.games.drones.pilots import Pilots  # scipy is for recording, and for the lattice
+
+        return Pilots(self, side)
+
+    def figure(self, learned: Mapping[str, Learned], threshold: float, seed: int) -> Any:  # noqa: ARG002 - costs
+        """The room by name and drone: what places cost, some flights, and what distances cost."""
+        from mabirds_core.games.drones.pictures import rooms_figure  # matplotlib is for reports
+
+        return rooms_figure(self, self.judge, learned, seed)
+
+
+def build_lattice(settings: LatticeSettings, game: DroneGame, reward: DroneRewardModel) -> PolicyFinder:
+    """The planner of the settings."""
+    require("scipy", "policies of drones on a lattice", DRONES)
+    from mabirds_core.games.drones.lattice import LatticeFinder  # scipy is for drones: patrols do without
+
+    return LatticeFinder(game, reward, settings.spacing, settings.temperature)

@@ -1,0 +1,14 @@
+"""The entry point of the patrol game."""
+
+from mabirds_core.games.patrol.settings import PatrolSettings
+from mabirds_core.registry import Kind
+
+
+def build_patrol(settings: PatrolSettings) -> object:
+    """The game of the settings."""
+    from mabirds_core.games.patrol.game import PatrolGame  # only experiments with it need it
+
+    return PatrolGame(settings)
+
+
+PATROL = Kind(PatrolSettings, build_patrol, form="tabular")

@@ -1,0 +1,76 @@
+"""Patrol maps: obstacles, starts, goals, visits, learned constraints and ways."""
+
+from collections.abc import Mapping, Sequence
+
+import matplotlib as mpl
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from mabirds_core.arrays import Array, Mask, weighted_counts
+from mabirds_core.games.interface import Learned, Trajectories
+from mabirds_core.games.patrol.game import PatrolGame
+from mabirds_core.metrics.metrics import learned_constraints
+from mabirds_core.planners.interface import TabularPolicy
+from mabirds_core.planners.occupancy import occupancy_measure
+
+MOST_STARTS = 24
+"""More starts than these would hide the map."""
+
+
+def draw_map(
+    axis: Axes, game: PatrolGame, expert: int, visits: Array | None = None, learned: Mask | None = None
+) -> None:
+    """Obstacles grey, starts S, goal G; ``visits`` (n,) blue, ``learned`` (n,) red crosses."""
+    shape = (game.height, game.width)
+    blue = np.zeros(game.n_cells) if visits is None else np.sqrt(visits)
+    axis.imshow(blue.reshape(shape), cmap="Blues", vmin=0, vmax=0.6)
+    obstacles = np.ma.masked_where(~game.obstacles, np.ones(game.n_cells)).reshape(shape)
+    axis.imshow(obstacles, cmap="Greys", vmin=0, vmax=2.5)
+    if learned is not None:
+        rows, columns = np.divmod(np.flatnonzero(learned), game.width)
+        axis.scatter(columns, rows, marker="x", color="tab:red", s=28)
+    for row, column in {start[expert] for start in game.settings.starts[:MOST_STARTS]}:
+        axis.annotate("S", (column, row), ha="center", va="center", fontsize=8)
+    row, column = game.settings.goals[expert]
+    box = {"boxstyle": "round,pad=0.1", "color": "tab:green", "alpha": 0.8}
+    axis.annotate("G", (column, row), ha="center", va="center", fontsize=8, color="white", weight="bold", bbox=box)
+    axis.set_xticks([])
+    axis.set_yticks([])
+
+
+def draw_ways(axis: Axes, game: PatrolGame, expert: int, demonstrations: Sequence[Trajectories]) -> None:
+    """One thin line a demonstration, each shifted a little so that all can be seen."""
+    for offset, one in zip(np.linspace(-0.25, 0.25, len(demonstrations)), demonstrations, strict=True):
+        rows, columns = np.divmod(game.cells(one.states[0])[expert], game.width)
+        axis.plot(columns + offset, rows + offset, color="tab:blue", linewidth=0.8, alpha=0.7)
+
+
+def map_figure(game: PatrolGame, learned: Mapping[str, Learned], threshold: float) -> Figure:
+    """A panel per name and expert: visitation in blue, learned constraints as red crosses, obstacles in grey."""
+    size = (2.6 * game.n_experts + 0.8, 2.8 * len(learned))
+    figure, axes = plt.subplots(len(learned), game.n_experts, figsize=size, squeeze=False, layout="constrained")
+    for row, (name, (policy, omega)) in zip(axes, learned.items(), strict=True):
+        visited, constrained = visits(game, policy), learned_constraints(omega, threshold)
+        for expert, axis in enumerate(row):
+            cells = slice(expert * game.n_cells, (expert + 1) * game.n_cells)
+            draw_map(axis, game, expert, visited[expert], constrained[cells])
+            axis.set_title(f"{name}: expert {expert + 1}", fontsize=9)
+        row[0].set_ylabel(_joint_constraints(constrained), fontsize=7)
+    figure.suptitle("learned policy (blue), learned constraints (red), true obstacles (grey)", fontsize=10)
+    return figure
+
+
+def _joint_constraints(learned: Mask) -> str:
+    names = [name for name, is_learned in zip(("sharing", "swapping"), learned[-2:], strict=True) if is_learned]
+    return "joint constraints: " + (", ".join(names) or "none")
+
+
+def visits(game: PatrolGame, policy: TabularPolicy) -> Array:
+    """Discounted visitation of each expert's cells, shape (N_E, n), each row of sum 1."""
+    of_state = occupancy_measure(game, policy).sum(axis=1)
+    cells = game.cells(np.arange(game.n_states))
+    return np.stack([weighted_counts(own, of_state, game.n_cells) for own in cells])

@@ -1,0 +1,104 @@
+"""The patrol game as written in an experiment file."""
+
+from typing import Literal
+
+import numpy as np
+from pydantic import Field, field_validator, model_validator
+
+from mabirds_core.games.patrol.geometry import N_MOVES
+from mabirds_core.settings import Settings
+
+MOST_PAIRS = 20_000_000
+"""Joint state-action pairs that a learner can tabulate: some gigabytes."""
+MOST_FLOAT = 10**300
+"""Larger whole numbers cannot be written as floating-point ones."""
+MOST_VALUES = 200_000_000
+"""Values of joint states at all steps that a policy can keep: 1.6 gigabytes."""
+
+Cell = tuple[int, int]
+
+
+class PatrolSettings(Settings):
+    """The game as written in an experiment file.
+
+    >>> PatrolSettings(map="...", starts=[[(0, 0), (0, 2)]], goals=[(0, 2), (0, 0)], horizon=4).n_experts
+    2
+    """
+
+    kind: Literal["patrol"] = "patrol"
+    map: str = Field(description="rows of '.' (free) and '#' (obstacle), all of one length")
+    starts: tuple[tuple[Cell, ...], ...] = Field(min_length=1, description="joint starts: one cell per expert")
+    start_probabilities: tuple[float, ...] | None = Field(None, description="of the joint starts; default: uniform")
+    goals: tuple[Cell, ...] = Field(min_length=1, description="one absorbing goal cell per expert, all different")
+    horizon: int = Field(ge=1, le=10_000, description="T: trajectories have T + 1 steps")
+    discount: float = Field(0.95, gt=0, le=1, description="gamma")
+    joint_scale: float = Field(1.0, gt=0, le=1000, description="of the features for sharing and swapping cells")
+    step_cost: float = Field(1.0, ge=0, le=1000, description="true reward: minus this a step for each expert under way")
+    deadline: int | None = Field(None, ge=0, description="step by which experts arrive; default: the horizon")
+
+    @field_validator("map")
+    @classmethod
+    def _map_is_a_rectangle(cls, text: str) -> str:
+        rows = text.split()
+        if not rows or any(len(row) != len(rows[0]) for row in rows) or set("".join(rows)) - set(".#"):
+            raise ValueError("expected rows of '.' and '#' of one length")
+        return "\n".join(rows)
+
+    @model_validator(mode="after")
+    def _deadline_is_a_step(self) -> "PatrolSettings":
+        if self.deadline is not None and self.deadline > self.horizon:
+            raise ValueError(f"deadline {self.deadline}: expected a step up to the horizon, {self.horizon}")
+        return self
+
+    @model_validator(mode="after")
+    def _cells_fit(self) -> "PatrolSettings":
+        rows = self.rows
+        for cell in (*self.goals, *(cell for start in self.starts for cell in start)):
+            _check_free(rows, cell)
+        if len(set(self.goals)) != self.n_experts:
+            raise ValueError(f"goals {self.goals}: expected a different goal for each expert")
+        for start in self.starts:
+            if len(start) != self.n_experts or len(set(start)) != self.n_experts:
+                raise ValueError(f"start {start}: expected {self.n_experts} different cells, one an expert")
+        self._check_probabilities()
+        self._check_size()
+        return self
+
+    def _check_size(self) -> None:
+        height, width = len(self.rows), len(self.rows[0])
+        states = (height * width) ** self.n_experts
+        pairs, values = states * N_MOVES**self.n_experts, states * (self.horizon + 2)
+        experts = f"{self.n_experts} experts on a {height}x{width} map make"
+        if pairs > MOST_PAIRS:
+            raise ValueError(
+                f"{experts} {min(pairs, MOST_FLOAT):.2g} joint state-action pairs, expected at most {MOST_PAIRS:.2g};"
+                " take a smaller map or fewer experts"
+            )
+        if values > MOST_VALUES:
+            raise ValueError(
+                f"{experts} {states} joint states, {values:.2g} values in {self.horizon + 2} steps, expected at most"
+                f" {MOST_VALUES:.2g}; take a shorter horizon, a smaller map or fewer experts"
+            )
+
+    def _check_probabilities(self) -> None:
+        given = self.start_probabilities
+        if given is not None and (
+            len(given) != len(self.starts) or min(given) < 0 or not np.isclose(sum(given), 1, rtol=0, atol=1e-9)
+        ):
+            raise ValueError(f"start_probabilities {given}: expected {len(self.starts)} numbers >= 0 with sum 1")
+
+    @property
+    def rows(self) -> list[str]:
+        """The map's rows from top to bottom."""
+        return self.map.split("\n")
+
+    @property
+    def n_experts(self) -> int:
+        """N_E."""
+        return len(self.goals)
+
+
+def _check_free(rows: list[str], cell: Cell) -> None:
+    inside = 0 <= cell[0] < len(rows) and 0 <= cell[1] < len(rows[0])
+    if not inside or rows[cell[0]][cell[1]] != ".":
+        raise ValueError(f"cell {cell} as (row, column): expected a free cell of the {len(rows)}x{len(rows[0])} map")

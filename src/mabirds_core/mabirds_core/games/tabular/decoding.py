@@ -1,0 +1,20 @@
+"""Reading trajectories of enumerable games from messages and bags."""
+
+import numpy as np
+
+from mabirds_core.arrays import Array, Indices
+from mabirds_core.errors import ImpossibleTrajectoryError
+
+
+def whole_numbers(what: str, values: Array, shape: tuple[int, int], bounds: list[int]) -> Indices:
+    """``values`` as integers with 0 <= values[:, k] < bounds[k]; raises ImpossibleTrajectoryError otherwise."""
+    if values.shape != shape:
+        raise ImpossibleTrajectoryError(f"{what}: shape {values.shape}, expected {shape}")
+    fits = (values >= 0) & (values < bounds) & (values == np.floor(values))
+    if not fits.all():
+        step, column = np.argwhere(~fits)[0]
+        raise ImpossibleTrajectoryError(
+            f"{what} at step {step}, column {column}: {values[step, column]}, expected a whole number from 0"
+            f" to {bounds[column] - 1}"
+        )
+    return values.astype(np.int64)

@@ -1,0 +1,57 @@
+"""What an enumerable game need not say itself: rewards, expectations, experts, the judge, a picture.
+
+A game that can list its joint states and actions (``interface.TabularGame``) inherits it and is a whole game.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+from mabirds_core.games.interface import Experts, Learned, TabularGame
+from mabirds_core.games.tabular.experts import KINDS, TabularExperts
+from mabirds_core.games.tabular.judge import ExactJudge
+from mabirds_core.planners.interface import Expectation
+from mabirds_core.planners.occupancy import ExactExpectation, SampledExpectation
+from mabirds_core.planners.soft_bellman import SoftBellmanFinder
+from mabirds_core.rewards.models import LinearReward, NeuralReward, TabularRewardModel, TrueReward
+
+
+class EnumerableGame:
+    """Base of tabular games: ``interface.Game`` for whatever implements ``interface.TabularGame``."""
+
+    expectations = ("sampled", "exact")
+    expert_kinds = tuple(KINDS)
+
+    @property
+    def judge(self: TabularGame) -> ExactJudge:
+        """Rates without sampling."""
+        return ExactJudge(self)
+
+    def expectation(self: TabularGame, kind: str, count: int) -> Expectation:
+        """The occupancy measure, or means over ``count`` rollouts."""
+        return ExactExpectation(self) if kind == "exact" else SampledExpectation(self, count)
+
+    def linear_reward(self: TabularGame) -> LinearReward:
+        """theta^T f."""
+        return LinearReward(self.reward_features)
+
+    def neural_reward(self: TabularGame, hidden: int, bound: float) -> NeuralReward:
+        """A network that makes the weights of the linear features."""
+        return NeuralReward(self.reward_features, hidden, bound, self.n_experts)
+
+    def true_reward(self: TabularGame) -> TrueReward:
+        """The task reward; theta is empty."""
+        return TrueReward(self)
+
+    def evaluation_planner(self: TabularGame, planner: Any, reward: TabularRewardModel) -> SoftBellmanFinder:  # noqa: ARG002
+        """The exact one, whichever learned."""
+        return SoftBellmanFinder(self, reward, self.cost_features)
+
+    def experts(self: TabularGame, kind: str, side: str) -> Experts:  # noqa: ARG002 - all ways are known to them
+        """Optimal ones, or those of maximum entropy."""
+        return TabularExperts(KINDS[kind](self))
+
+    def figure(self: TabularGame, learned: Mapping[str, Learned], threshold: float, seed: int) -> Any:  # noqa: ARG002
+        """What the dearest features were learned to cost."""
+        from mabirds_core.games.tabular.pictures import costs_figure  # matplotlib is for reports
+
+        return costs_figure(self, learned, threshold)

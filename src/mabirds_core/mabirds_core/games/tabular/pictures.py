@@ -1,0 +1,32 @@
+"""A picture of any enumerable game: what its cost features were learned to cost."""
+
+from collections.abc import Mapping
+
+import matplotlib as mpl
+
+mpl.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.figure import Figure
+
+from mabirds_core.games.interface import Learned, TabularGame
+
+MAX_SHOWN = 20
+"""Features; more would have no room for their names."""
+
+
+def costs_figure(game: TabularGame, learned: Mapping[str, Learned], threshold: float) -> Figure:
+    """A panel per name: the learned costs -omega of the dearest features, true constraints in red, the threshold."""
+    names, truth = np.array(game.cost_features.names), game.true_constraints
+    shown = min(MAX_SHOWN, len(names))
+    size = (4.5 * len(learned), 0.25 * shown + 1.2)
+    figure, axes = plt.subplots(1, len(learned), figsize=size, squeeze=False, layout="constrained")
+    for axis, (name, (_, omega)) in zip(axes[0], learned.items(), strict=True):
+        dearest = np.argsort(omega)[:shown][::-1]
+        axis.barh(names[dearest], -omega[dearest], color=np.where(truth[dearest], "tab:red", "tab:blue"))
+        axis.axvline(threshold, color="0.1", linestyle="--", linewidth=0.9)
+        axis.tick_params(labelsize=7)
+        axis.set_title(name, fontsize=9)
+        axis.set_xlabel("learned cost [reward]")
+    figure.suptitle("dearest features; true constraints in red", fontsize=10)
+    return figure

@@ -1,0 +1,29 @@
+"""The entry points of the planners for enumerable games."""
+
+from mabirds_core.games.interface import TabularGame
+from mabirds_core.planners.interface import PolicyFinder
+from mabirds_core.planners.settings import SoftQSettings, SoftValueIterationSettings, check_soft_q
+from mabirds_core.registry import Kind
+from mabirds_core.rewards.models import TabularRewardModel
+
+
+def build_soft_value_iteration(
+    settings: SoftValueIterationSettings,  # noqa: ARG001 - there is nothing to set
+    game: TabularGame,
+    reward: TabularRewardModel,
+) -> PolicyFinder:
+    """The exact planner."""
+    from mabirds_core.planners.soft_bellman import SoftBellmanFinder
+
+    return SoftBellmanFinder(game, reward, game.cost_features)
+
+
+def build_soft_q(settings: SoftQSettings, game: TabularGame, reward: TabularRewardModel) -> PolicyFinder:
+    """The planner that learns from episodes."""
+    from mabirds_core.planners.soft_q_learning import SoftQFinder
+
+    return SoftQFinder(game, reward, game.cost_features, **settings.model_dump(exclude={"kind"}))
+
+
+SOFT_VALUE_ITERATION = Kind(SoftValueIterationSettings, build_soft_value_iteration, form="tabular")
+SOFT_Q_LEARNING = Kind(SoftQSettings, build_soft_q, form="tabular", check=check_soft_q)

@@ -1,0 +1,155 @@
+"""Kinds of games, rewards, planners, methods, schedules and step rules, from whichever package brings them.
+
+A package names its kinds as entry points, in one of GROUPS, each pointing to a ``Kind``:
+
+    [project.entry-points."mabirds.games"]
+    junction = "mabirds_junction.kind:JUNCTION"
+
+Nothing is registered by importing it. Settings of all kinds are loaded to read an experiment file; what is built from
+them is loaded where it is built, so that a process has only what its experiment needs.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache, reduce
+from importlib.metadata import EntryPoint, entry_points
+from operator import attrgetter, or_
+from types import MappingProxyType
+from typing import Annotated, Any, get_args
+
+from pydantic import Discriminator, Field, Tag
+
+from mabirds_core.errors import ExperimentError
+from mabirds_core.settings import Settings
+
+GROUPS = MappingProxyType(
+    {
+        "mabirds.games": "games",
+        "mabirds.rewards": "rewards",
+        "mabirds.planners": "planners",
+        "mabirds.methods": "methods",
+        "mabirds.schedules": "schedules",
+        "mabirds.mixers": "mixers",
+        "mabirds.step_rules": "step rules",
+    }
+)
+"""Entry point groups, and what each holds."""
+
+METHODS = "mabirds.methods"
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What an entry point names: settings as written in an experiment file, and what is built from them.
+
+    ``build`` takes the settings first, then what the group says (docs/your-own-game.md): games nothing more, rewards
+    the game, planners the game and the reward model, methods the parts of a method, schedules the learners' names.
+    """
+
+    settings: type[Settings]
+    build: Callable[..., Any]
+    form: str | None = None
+    """Of games: how they can be planned in ("tabular", ...). Of planners: which games they are made for; None: all."""
+    check: Callable[..., None] | None = None
+    """Of planners: ``check(settings, game)`` raises ExperimentError where the two do not fit."""
+
+
+@dataclass(frozen=True)
+class Offer:
+    """A kind that is installed: its name, the package that brings it, and what became of loading it."""
+
+    group: str
+    name: str
+    package: str
+    version: str
+    target: str
+    kind: Kind | None
+    problem: str
+    """Why it cannot be used; empty: it can."""
+
+
+@cache
+def offers(group: str) -> Mapping[str, Offer]:
+    """All installed kinds of a group by name, also those that cannot be used."""
+    points = sorted(entry_points(group=group), key=attrgetter("name", "value"))
+    times = Counter(point.name for point in points)
+    return MappingProxyType({point.name: _offer(point, points if times[point.name] > 1 else []) for point in points})
+
+
+def kinds(group: str) -> dict[str, Kind]:
+    """The usable kinds of a group by name."""
+    return {name: offer.kind for name, offer in offers(group).items() if offer.kind}
+
+
+def kind_of(group: str, settings: Any) -> Kind:
+    """The kind that parsed ``settings``."""
+    return kinds(group)[settings.kind]
+
+
+def build(group: str, settings: Any, *parts: Any) -> Any:
+    """What ``settings`` describe."""
+    return kind_of(group, settings).build(settings, *parts)
+
+
+def require(group: str, name: str) -> Kind:
+    """A kind by name; raises ExperimentError saying which there are, and which package's kind fails and how."""
+    offer = offers(group).get(name)
+    if offer is None:
+        raise ExperimentError(f"{name!r} is none of the {GROUPS[group]} {sorted(kinds(group))}{REMEDY}")
+    if offer.kind is None:
+        raise ExperimentError(f"{name!r}: {offer.problem}")
+    return offer.kind
+
+
+REMEDY = "; install the package that brings it (`mabirds kinds` lists what there is)"
+
+
+def union(group: str, default: str | None = None) -> Any:
+    """The type of a setting that may be of any kind of a group: a tagged union of their models.
+
+    ``default``: the kind of settings that name none.
+    """
+    members = {name: kind.settings for name, kind in kinds(group).items()}
+    distinct = list(dict.fromkeys(members.values()))
+    if len(distinct) == 1:  # pydantic tells several apart, and no single one
+        return distinct[0]
+    if default is None:
+        return Annotated[reduce(or_, distinct), Field(discriminator="kind")]
+    tagged = [Annotated[model, Tag(name)] for name, model in members.items()]
+    return Annotated[reduce(or_, tagged), Discriminator(_tag_or(default))]
+
+
+def _tag_or(default: str) -> Callable[[Any], str]:
+    def kind_named(settings: Any) -> str:
+        if isinstance(settings, dict):
+            return str(settings.get("kind", default))
+        return str(getattr(settings, "kind", default))
+
+    return kind_named
+
+
+def _offer(point: EntryPoint, rivals: list[EntryPoint]) -> Offer:
+    package, version = (point.dist.name, point.dist.version) if point.dist else ("?", "?")
+    kind, problem = _loaded(point, package)
+    others = sorted({rival.dist.name for rival in rivals if rival.name == point.name and rival.dist})
+    if others:
+        kind, problem = None, f"several packages bring it, {others}; uninstall all but one"
+    return Offer(point.group, point.name, package, version, point.value, kind, problem)
+
+
+def _loaded(point: EntryPoint, package: str) -> tuple[Kind | None, str]:
+    """The kind, or why there is none. A stranger's import may raise anything, and must not end the others' programs."""
+    try:
+        kind = point.load()
+    except Exception as error:  # noqa: BLE001
+        return None, f"package {package} cannot load {point.value} ({type(error).__name__}: {error}); mend or remove it"
+    if not isinstance(kind, Kind):
+        return None, f"package {package}: {point.value} is {type(kind).__name__}, expected a Kind; mend or remove it"
+    field = kind.settings.model_fields.get("kind")
+    if point.group == METHODS:  # their settings stand under their names
+        return kind, ""
+    if field is None or point.name not in get_args(field.annotation):
+        words = f"expected a field kind: Literal[{point.name!r}] in {kind.settings.__name__}"
+        return None, f"package {package}: {words}; mend or remove it"
+    return kind, ""

@@ -1,0 +1,21 @@
+"""Reward models as written in an experiment file."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from mabirds_core.settings import Settings
+
+
+class LinearRewardSettings(Settings):
+    """r_theta = theta^T f."""
+
+    kind: Literal["linear"] = "linear"
+
+
+class NeuralRewardSettings(Settings):
+    """r_theta of a small network, |r_theta| <= bound."""
+
+    kind: Literal["neural"]
+    hidden: int = Field(32, ge=1, le=10_000, description="units of the hidden layer")
+    bound: float = Field(10.0, gt=0, le=1000, description="C: no reward is larger in absolute value")

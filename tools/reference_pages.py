@@ -1,0 +1,386 @@
+"""Reference pages of the documentation, written from the code while mkdocs builds (a hook, see mkdocs.yml).
+
+Commands come from typer, settings from the JSON schema of experiment files, parameters, topics and QoS from nodes that
+are created for a moment, messages and services from their definitions, files from ``run_directory.CONTENTS``.
+"""
+
+import ast
+import os
+import re
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Any, Literal, NamedTuple, get_args, get_origin
+
+import rclpy
+import yaml
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
+from typer.main import get_command
+
+from mabirds_bringup import exit_codes
+from mabirds_bringup.cli import app
+from mabirds_bringup.evaluate.evaluation import Row
+from mabirds_bringup.run.declaration import DeclarerNode
+from mabirds_bringup.run.run_directory import CONTENTS
+from mabirds_bringup.watch.monitor import MonitorNode
+from mabirds_core.experiment.file import Experiment, load_experiment
+from mabirds_expert_player import player_node
+from mabirds_learner import central_node, learner_node
+from mabirds_msgs_py import qos, topics
+from mabirds_msgs_py.bag_writer import BagWriter
+from mabirds_msgs_py.environment import prepare_environment
+
+ROOT = Path(__file__).resolve().parents[1]
+PATROL = ROOT / "ros_ws" / "config" / "patrol.yaml"
+INTERFACES = ROOT / "ros_ws" / "src" / "mabirds_msgs"
+OF_EVERY_NODE = re.compile(
+    r"/rosout|/parameter_events|use_sim_time|start_type_description_service|rcl_interfaces/.*|type_description_.*/.*"
+)
+"""Topics, parameters and types of services that ROS gives every node."""
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """A table in Markdown; bars in cells are escaped, line breaks become spaces."""
+    lines = [head, ["---"] * len(head), *rows]
+    cells = ([" ".join(str(cell).split()).replace("|", "\\|") for cell in line] for line in lines)
+    return "\n".join(f"| {' | '.join(line)} |" for line in cells) + "\n"
+
+
+def code(value: object) -> str:
+    """As code, and nothing where there is nothing."""
+    return f"`{value}`" if str(value) else ""
+
+
+def block(text: str, language: str = "text") -> str:
+    """A block of code."""
+    return f"```{language}\n{text.strip()}\n```\n"
+
+
+# Commands
+
+
+def commands_page() -> str:
+    """Every verb of ``mabirds`` with its arguments and options, and what the nodes' own commands say."""
+    sections = [_command_section(path, command) for path, command in _commands("mabirds", get_command(app))]
+    helps = {
+        "mabirds-learner": learner_node.HELP,
+        "mabirds-central": central_node.HELP,
+        "mabirds-expert-player": player_node.HELP,
+    }
+    sections += [f"## {name}\n\n{block(text)}" for name, text in helps.items()]
+    codes = table(("code", "meaning"), _constants(Path(exit_codes.__file__)))
+    return "\n".join(["# Commands", "", *sections, "## Exit codes of mabirds", "", codes])
+
+
+def _commands(path: str, command: Any) -> Iterator[tuple[str, Any]]:
+    verbs = getattr(command, "commands", None)
+    if verbs is None:
+        yield path, command
+    for name, verb in (verbs or {}).items():
+        yield from _commands(f"{path} {name}", verb)
+
+
+def _command_section(path: str, command: Any) -> str:
+    arguments = [name for one in command.params if (name := _argument(one))]
+    usage = " ".join([path, "[OPTIONS]", *arguments])
+    about, _, example = str(command.help or "").partition("Example: ")
+    rows = [_option_row(one) for one in command.params if one.name != "help"]
+    parts = [f"## {path}", about.strip(), block(usage, "console"), table(("option", "default", "meaning"), rows)]
+    if example:
+        parts.append(f"For example:\n\n{block(example, 'console')}")
+    return "\n\n".join(parts) + "\n"
+
+
+def _argument(one: Any) -> str:
+    if one.param_type_name != "argument":
+        return ""
+    name = one.metavar or one.name.upper()
+    return f"{name}{'...' if one.nargs == -1 else ''}"
+
+
+def _option_row(one: Any) -> tuple[str, str, str]:
+    name = _argument(one) or ", ".join(one.opts)
+    default = "required" if one.required else _default(one.default)
+    return code(name), default, f"{one.help or ''} {_choices(one)}".strip()
+
+
+def _choices(one: Any) -> str:
+    """What may be given, where that is limited: names, or a range."""
+    kinds = [one.type_descriptor.annotation, *get_args(one.type_descriptor.annotation)]
+    if names := [name for kind in kinds if get_origin(kind) is Literal for name in get_args(kind)]:
+        return f"One of {', '.join(map(code, names))}."
+    low, high = one.min, one.max
+    if low is not None:
+        return f"At least {low:g}." if high is None else f"From {low:g} to {high:g}."
+    return "" if high is None else f"At most {high:g}."
+
+
+def _default(value: object) -> str:
+    return "" if value is None or value is False or value == "" else code(value)
+
+
+def _constants(file: Path) -> Iterator[tuple[str, str]]:
+    """Values of a module's constants and the strings that follow them."""
+    body = ast.parse(file.read_text(encoding="utf-8")).body
+    for here, after in zip(body, [*body[1:], None], strict=True):
+        if isinstance(here, ast.Assign) and isinstance(here.value, ast.Constant):
+            name = ast.unparse(here.targets[0])
+            told = isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
+            words = str(after.value.value) if told else f"{name.capitalize().replace('_', ' ')}."  # type: ignore[union-attr]
+            yield code(here.value.value), words
+
+
+# Settings of experiment files
+
+
+def settings_page() -> str:
+    """Every model of the JSON schema of an experiment, the experiment first."""
+    schema = Experiment.model_json_schema()
+    names = list(dict.fromkeys(_reachable(schema, schema["$defs"])))
+    models = {"Experiment": schema, **{name: schema["$defs"][name] for name in names}}
+    sections = [_model_section(name, model) for name, model in models.items() if "properties" in model]
+    words = "An experiment is one YAML file. A misspelt name, or a value that does not fit, is refused with its remedy."
+    return "\n".join(["# Experiment files", "", words, "", *sections])
+
+
+def _reachable(part: Any, models: Mapping[str, Any]) -> Iterator[str]:
+    """Names of models in the order in which an experiment file has them."""
+    if isinstance(part, dict) and "$ref" in part:
+        name = part["$ref"].rpartition("/")[2]
+        yield name
+        yield from _reachable(models[name], models)
+    elif isinstance(part, dict | list):
+        for inner in part.values() if isinstance(part, dict) else part:
+            yield from _reachable(inner if inner is not models else {}, models)
+
+
+def _model_section(name: str, model: Mapping[str, Any]) -> str:
+    required = model.get("required", ())
+    rows = [
+        (code(key), _type(one), "required" if key in required else _json_default(one), _meaning(one))
+        for key, one in model["properties"].items()
+    ]
+    about = model.get("description", "").partition(">>>")[0].strip()
+    return f"## {name}\n\n{about}\n\n{table(('name', 'type', 'default', 'meaning'), rows)}"
+
+
+def _type(one: Mapping[str, Any]) -> str:
+    """The type of a setting, with links to models."""
+    if "$ref" in one:
+        name = one["$ref"].rpartition("/")[2]
+        return f"[{name}](#{name.lower()})"
+    for several in ("oneOf", "anyOf"):
+        if several in one:
+            return " or ".join(_type(kind) for kind in one[several])
+    if "const" in one or "enum" in one:
+        return " or ".join(code(value) for value in one.get("enum", [one.get("const")]))
+    if one.get("type") == "array":
+        inner = one.get("prefixItems")
+        return f"list of {len(inner)}: {_type(inner[0])}" if inner else f"list of {_type(one.get('items', {}))}"
+    names = {"number": "number", "integer": "integer", "string": "text", "boolean": "true or false", "null": "nothing"}
+    return names.get(str(one.get("type")), "anything")
+
+
+def _json_default(one: Mapping[str, Any]) -> str:
+    default = one.get("default")
+    if isinstance(default, dict):
+        return code(default["kind"]) if "kind" in default else "its defaults"
+    return "" if default is None else code(str(default).lower() if isinstance(default, bool) else default)
+
+
+BOUNDS = {
+    "minimum": "at least {}",
+    "exclusiveMinimum": "more than {}",
+    "maximum": "at most {}",
+    "exclusiveMaximum": "less than {}",
+    "minItems": "at least {} of them",
+    "maxItems": "at most {} of them",
+    "pattern": "of the form `{}`",
+}
+
+
+def _meaning(one: Mapping[str, Any]) -> str:
+    bounds = ", ".join(words.format(one[key]) for key, words in BOUNDS.items() if key in one)
+    return "; ".join(part for part in (str(one.get("description", "")), bounds) if part)
+
+
+# Parameters, topics and services of nodes
+
+
+class Described(NamedTuple):
+    """What a node declares, publishes, hears, serves and calls."""
+
+    parameters: list[tuple[str, str, str, str]]
+    topics: list[tuple[str, str, str, str]]
+    services: list[tuple[str, str, str]]
+
+
+@cache
+def nodes() -> dict[str, Described]:
+    """All nodes of the patrol experiment by title, described from live instances."""
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        context = stack.enter_context(_ros(folder))
+        resilient = _resilient_copy(folder / "resilient.yaml")
+        recording = stack.enter_context(BagWriter(folder / "bag"))
+        create: dict[str, Callable[..., Node]] = {
+            "Learner in strict mode": lambda: learner(PATROL),
+            "Learner in resilient mode": lambda: learner(resilient),
+            "Central method": lambda: central_node.CentralNode(namespace="/bics", **_of(PATROL, context)),
+            "Expert player": lambda: player_node.ExpertPlayerNode(**_of(PATROL, context)),
+            "mabirds run": lambda: MonitorNode(load_experiment(PATROL), recording, context=context),
+            "mabirds members": lambda: DeclarerNode(["learner_1", "learner_2"], context=context),
+        }
+
+        def learner(file: Path) -> Node:
+            return learner_node.LearnerNode(namespace="/learner_1", **_of(file, context))
+
+        return {title: _described(make()) for title, make in create.items()}
+
+
+@contextmanager
+def _ros(folder: Path) -> Iterator[Context]:
+    """A context whose nodes nobody finds."""
+    os.environ |= {"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF", "ROS_LOG_DIR": str(folder / "log")}
+    prepare_environment()
+    context = Context()
+    rclpy.init(args=[], context=context)
+    yield context
+    rclpy.try_shutdown(context=context)
+
+
+def _resilient_copy(file: Path) -> Path:
+    settings = yaml.safe_load(PATROL.read_text(encoding="utf-8"))
+    bag = (PATROL.parent / settings["demonstrations"]["bag"]).resolve()
+    settings |= {"mixing": {"kind": "resilient"}, "demonstrations": {**settings["demonstrations"], "bag": str(bag)}}
+    file.write_text(yaml.safe_dump(settings), encoding="utf-8")
+    return file
+
+
+def _of(file: Path, context: Context) -> dict[str, Any]:
+    return {"context": context, "parameter_overrides": [Parameter("experiment", value=str(file))]}
+
+
+def _described(node: Node) -> Described:
+    ends: list[tuple[str, str, Any]] = [("publishes", one.topic_name, one) for one in node.publishers]
+    ends += [("hears", one.topic_name, one) for one in node.subscriptions]
+    calls: list[tuple[str, str, Any]] = [("serves", one.service_name, one.srv_type) for one in node.services]
+    calls += [("calls", one.service_name, one.srv_type) for one in node.clients]
+    found = Described(
+        list(_parameters(node)),
+        [
+            (way, code(_general(name)), _type_name(end.msg_type), _qos(end.qos_profile))
+            for way, name, end in ends
+            if _own(name)
+        ],
+        [(way, code(_general(name)), _type_name(kind)) for way, name, kind in calls if _own(_type_name(kind))],
+    )
+    node.destroy_node()
+    return found
+
+
+def _own(name: str) -> bool:
+    return OF_EVERY_NODE.fullmatch(name.strip("`")) is None
+
+
+def _general(name: str) -> str:
+    """The patrol experiment's names stand for all: learner_1 is any learner, learner_2 a neighbour."""
+    return name.replace("bics", "METHOD")
+
+
+def _type_name(kind: type) -> str:
+    return code(f"{kind.__module__.split('.')[0]}/{kind.__name__}")
+
+
+def _qos(profile: QoSProfile) -> str:
+    words = [profile.reliability.name.lower(), profile.durability.name.lower().replace("_", " "), str(profile.depth)]
+    lease = profile.liveliness_lease_duration.nanoseconds / 1e9
+    return ", ".join([*words, *([f"lease {lease:g} s"] if 0 < lease < 1e6 else [])])
+
+
+def _parameters(node: Node) -> Iterator[tuple[str, str, str, str]]:
+    for name in sorted(filter(_own, node.get_parameters_by_prefix(""))):
+        about, value = node.describe_parameter(name), node.get_parameter(name).value
+        limits = [
+            f"{one.from_value:g} to {one.to_value:g}" for one in (*about.integer_range, *about.floating_point_range)
+        ]
+        default = "required" if name == "experiment" else code(str(value).lower() if isinstance(value, bool) else value)
+        change = "" if about.read_only else "; may change while the node runs"
+        yield code(name), default, ", ".join(limits), about.description + change
+
+
+def parameters_page() -> str:
+    """ROS parameters of every node that has any; nodes with the same ones together."""
+    head, titles = ("parameter", "default", "range", "meaning"), dict[str, list[str]]()
+    for title, node in nodes().items():
+        if node.parameters:
+            titles.setdefault(table(head, node.parameters), []).append(title)
+    sections = [f"## {' and '.join(names)}\n\n{rows}" for rows, names in titles.items()]
+    return "\n".join(["# Parameters of nodes", "", "Set one by `--ros-args -p NAME:=VALUE`.", "", *sections])
+
+
+def topics_page() -> str:
+    """Topics with their QoS, and services, of every node."""
+    words = (
+        f"Names and QoS as the nodes of `{PATROL.relative_to(ROOT)}` have them, seen from `/learner_1`, whose neighbour"
+        " is `learner_2`. QoS: reliability, durability, depth; lease: after how many seconds of silence a process"
+        f" counts as gone ({qos.LEASE:g}). Every node also has ROS's own `/rosout` and `/parameter_events`. Names are"
+        f" made in `{topics.__name__}`."
+    )
+    parts = ["# Topics and services", "", words, ""]
+    for title, node in nodes().items():
+        parts += [f"## {title}", "", table(("", "topic", "type", "QoS"), node.topics)]
+        if node.services:
+            parts.append(table(("", "service", "type"), node.services))
+    return "\n".join(parts)
+
+
+def messages_page() -> str:
+    """The text of every message and service."""
+    files = [*sorted(INTERFACES.glob("msg/*.msg")), *sorted(INTERFACES.glob("srv/*.srv"))]
+    sections = [f"## {file.stem}\n\n{block(file.read_text(encoding='utf-8'))}" for file in files]
+    return "\n".join(["# Messages and services", "", "The package is `mabirds_msgs`.", "", *sections])
+
+
+# Files
+
+
+def files_page() -> str:
+    """What a run leaves behind."""
+    contents = table(("file", "content"), ((code(name), words) for name, words in CONTENTS.items()))
+    fields = Row.__dataclass_fields__
+    columns = table(("column", "type"), ((code(name), code(_name(field.type))) for name, field in fields.items()))
+    experiment = (
+        "Read: the experiment file ([its settings](settings.md)) and the bag that it names, a rosbag2 directory."
+    )
+    written = "Written: a run directory, `runs/TIME-NAME`; `runs/latest` points to the newest."
+    head = ["# Files", "", experiment, "", written, "", contents, f"## metrics.csv\n\n{Row.__doc__}\n", columns]
+    return "\n".join(head)
+
+
+def _name(kind: Any) -> str:
+    return getattr(kind, "__name__", str(kind))
+
+
+PAGES: dict[str, Callable[[], str]] = {
+    "commands": commands_page,
+    "settings": settings_page,
+    "parameters": parameters_page,
+    "topics": topics_page,
+    "messages": messages_page,
+    "files": files_page,
+}
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the pages to those of docs/."""
+    for name, page in PAGES.items():
+        files.append(File.generated(config, f"reference/{name}.md", content=page()))
+    return files
