@@ -124,7 +124,7 @@ def test_no_other_file_of_a_package_has_a_version() -> None:
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_colcon_can_read_which_python_is_required(package: str) -> None:
-    """It evaluates what setuptools says of a package, and an object made of requires-python in pyproject.toml is none."""
+    """It takes literals alone, and setuptools makes an object of requires-python in pyproject.toml."""
     assert "requires-python" not in metadata(package)
     setup = (REPOSITORY / "src" / package / "setup.py").read_text(encoding="utf-8")
     assert 'python_requires=">=3.11"' in setup
