@@ -97,6 +97,31 @@ def loaded_by(statement: str) -> set[str]:
     return set(done.stdout.split())
 
 
+def imports_within(package: str) -> dict[str, set[str]]:
+    """By module the modules of the same package that it imports, be it inside functions or for type checkers alone."""
+    found = dict[str, set[str]]()
+    for path in modules(package):
+        nodes = [node for node in ast.walk(ast.parse(text(path))) if isinstance(node, ast.ImportFrom)]
+        found[path.stem] = {(node.module or "").removeprefix(f"{package}.") for node in nodes}
+    return {name: imported & found.keys() for name, imported in found.items()}
+
+
+def in_circles(imports: dict[str, set[str]]) -> set[str]:
+    """Modules that are left when those that import nothing which is left are taken away, again and again."""
+    left = dict(imports)
+    while free := [name for name, imported in left.items() if not imported & left.keys()]:
+        for name in free:
+            del left[name]
+    return set(left)
+
+
+def test_no_modules_of_the_learner_import_each_other_in_a_circle() -> None:
+    imports = imports_within("mabirds_learner")
+    assert imports["learner_node"] > {"strict_exchange", "push_sum_exchange", "learner_session"}
+    assert in_circles(imports) == set()
+    assert in_circles({**imports, "exchange": {"learner_node"}}) >= {"exchange", "learner_node", "strict_exchange"}
+
+
 def test_a_learners_process_does_not_load_what_it_does_not_need() -> None:
     loaded = loaded_by("import mabirds_learner.learner_node")
     assert {"mabirds_learner", "mabirds_core", "rclpy", "numpy"} <= loaded

@@ -1,5 +1,6 @@
 """What the pages name exists: functions of the paper's equations, files of the architecture, commands of the tasks."""
 
+import ast
 import importlib.util
 import re
 from functools import reduce
@@ -98,3 +99,28 @@ def test_the_figure_is_what_its_script_draws() -> None:
     figure = importlib.util.module_from_spec(specification)
     specification.loader.exec_module(figure)
     assert figure.FILE.read_text(encoding="utf-8") == figure.drawing()
+
+
+def classes() -> dict[str, set[str]]:
+    """Names of the library's classes and what each of them defines."""
+    sources = [file.read_text(encoding="utf-8") for file in (ROOT / "src" / "mabirds_core").rglob("*.py")]
+    nodes = [node for text in sources for node in ast.walk(ast.parse(text))]
+    found = [node for node in nodes if isinstance(node, ast.ClassDef)]
+    return {node.name: {part.name for part in node.body if isinstance(part, ast.FunctionDef)} for node in found}
+
+
+def test_classes_and_methods_of_the_architecture_exist() -> None:
+    known = classes()
+    named = set(re.findall(r"\b([A-Z][a-z]+(?:[A-Z][a-z]+)*)\.([a-z_]+)\b", architecture()))
+    assert ("Learner", "step") in named
+    assert {pair for pair in named if pair[1] not in known.get(pair[0], ())} == set()
+    spans = {span for span in CODE.findall(architecture()) if re.fullmatch(r"([A-Z][a-z]+){2,}", span)}
+    assert spans - set(known) == set()
+
+
+def test_functions_that_the_pages_name_exist() -> None:
+    names = {"build_game", "build_learner", "build_method", "simulate", "simulate_central"}
+    text = architecture() + (DOCS / "tasks" / "without-ros.md").read_text(encoding="utf-8")
+    assert set(re.findall(r"\b(?:build|simulate)_\w+|\bsimulate\b", text)) == names
+    modules = [importlib.import_module(f"mabirds_core.experiment.{name}") for name in ("assembly", "simulate")]
+    assert {name for name in names if not any(callable(getattr(one, name, None)) for one in modules)} == set()

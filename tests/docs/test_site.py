@@ -34,7 +34,7 @@ def text(site: Path, page: str) -> str:
             "settings",
             ["constraint_threshold", "PatrolSettings", "DroneSettings", "rosbag2 directory", "at most 1000000"],
         ),
-        ("parameters", ["parameter_history", "0 to 100000", "may change while the node runs", "newcomer"]),
+        ("parameters", ["parameter_history", "0 to 100000", "may change while the node runs", "late_joiner"]),
         ("topics", ["/learner_1/mass/learner_2", "lease 3 s", "mabirds_msgs/Demonstration", "/expert_player/resend"]),
         ("messages", ["LearnerStatus", "FetchParameters", "float64[]"]),
         ("files", ["summary.json", "violation_rate"]),

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mabirds_core.consensus.push_sum import RunningSum
-from mabirds_core.errors import RefusedMessageError
+from mabirds_core.errors import ExperimentError, RefusedMessageError
 from mabirds_core.experiment.assembly import build_game, build_learner
 from mabirds_core.experiment.file import Experiment, load_experiment
 from mabirds_core.experiment.simulate import simulate
@@ -262,3 +262,25 @@ def test_restarts_lose_no_mass(experiment: Experiment, streams: Streams, seed: i
             )
             network.sessions[name] = again
     assert network.weight() == pytest.approx(4, abs=1e-12)
+
+
+def test_a_checkpoint_holds_state_masses_and_membership(experiment: Experiment, streams: Streams) -> None:
+    """By the names that earlier versions wrote."""
+    network = LossyNetwork(experiment, streams, seed=0, loss=0.0)
+    for name in NAMES:
+        network.tell(name)
+    network.update("learner_1")
+    arrays = network.sessions["learner_1"].arrays()
+    neighbours = ("learner_2", "learner_4")
+    masses = {"mass", *(f"mass.{side}.{name}" for side in ("given", "taken") for name in neighbours)}
+    assert set(arrays) == {"theta", "omega", "epoch", "members", "taken_at", "mixed_from"} | masses
+    assert arrays["mass"].shape == (arrays["theta"].size + arrays["omega"].size + 1,)
+    assert arrays["mass.given.learner_2"].shape == (2, arrays["mass"].size)
+    assert arrays["taken_at"].tolist() == [[1.0, 1.0], [3.0, 1.0]]
+    assert (arrays["epoch"].tolist(), arrays["members"].tolist()) == ([1.0, 0.0, 1.0], [0.0, 1.0, 2.0, 3.0])
+
+
+def test_a_strict_learner_is_no_member_by_push_sum(make_experiment: Callable[..., Path]) -> None:
+    learner = build_learner(load_experiment(make_experiment()), "learner_1")
+    with pytest.raises(ExperimentError, match="mixing is strict, expected resilient"):
+        PushSumMember(learner, Limits(1, 256, 64))

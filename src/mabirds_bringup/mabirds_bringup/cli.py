@@ -9,6 +9,7 @@ from mabirds_bringup import exit_codes
 from mabirds_bringup.commands.bag import bag_app
 from mabirds_bringup.commands.bench import bench_app
 from mabirds_bringup.commands.inspect import inspect
+from mabirds_bringup.commands.kinds import kinds
 from mabirds_bringup.commands.members import members
 from mabirds_bringup.commands.record import record
 from mabirds_bringup.commands.run import run
@@ -25,7 +26,7 @@ app = typer.Typer(
     help="Learn what several agents want and what they may not do, from demonstrations that learners never pool.\n\n"
     "Exit codes: 0 finished, 2 bad input, 3 a process died, 4 no learner found, 130 interrupted.",
 )
-for verb in (run, simulate, record, inspect, members):
+for verb in (run, simulate, record, inspect, members, kinds):
     app.command()(verb)
 app.add_typer(bag_app, name="bag")
 app.add_typer(bench_app, name="bench")

@@ -40,22 +40,22 @@ class PushSumExchange:
 
     def connect(self) -> None:
         """Meet every learner that is a neighbour at some iteration, and hear of declarations."""
-        own_name, _, schedule = self._identity
+        learner_name, _, schedule = self._identity
         own = self._session.learner.index
         for receiver in sorted({receiver for sender, receiver in schedule.all_edges if sender == own}):
             name = schedule.learners[receiver]
             self._publishers[name] = self._outlet.publisher(Mass, topics.mass(name))
         for name in (schedule.learners[sender] for sender in schedule.ever_in_neighbours(own)):
-            self._outlet.subscribe(Mass, name, topics.mass(own_name), partial(self._on_mass, name))
+            self._outlet.subscribe(Mass, name, topics.mass(learner_name), partial(self._on_mass, name))
         self._outlet.subscribe_to_all(Membership, topics.MEMBERSHIP, self._on_membership, MEMBERSHIP_HISTORY)
         self._timer = self._outlet.timer(self._patience, self._on_patience)
         self.publish()
 
     def publish(self) -> None:
         """Tell out-neighbours of E(n) all that they were sent."""
-        session, (own_name, experiment_digest, schedule) = self._session, self._identity
+        session, (learner_name, experiment_digest, schedule) = self._session, self._identity
         for name, total in self._member.outgoing().items():
-            message = mass_message(own_name, name, session.epoch, session.iteration, total)
+            message = mass_message(learner_name, name, session.epoch, session.iteration, total)
             message.experiment_digest, message.schedule_digest = experiment_digest, schedule.digest
             message.stamp = self._outlet.stamp()
             self._publishers[name](message)
@@ -82,11 +82,11 @@ class PushSumExchange:
         """Nothing: what is missing is in what comes next."""
 
     def _on_mass(self, name: str, message: Mass) -> None:
-        own_name, experiment_digest, schedule = self._identity
+        learner_name, experiment_digest, schedule = self._identity
         joining = self._member.joining
         try:
             size = self._member.push_sum.mass.size
-            total = read_mass(message, name, own_name, experiment_digest, schedule.digest, size)
+            total = read_mass(message, name, learner_name, experiment_digest, schedule.digest, size)
             self._member.receive_mass(name, message.epoch, message.iteration, total)
         except RefusedMessageError as error:
             self._outlet.reject(f"mass {message.iteration} of {name}", error)

@@ -16,7 +16,7 @@ LARGEST_SUM = 1e20
 
 
 def mass_message(learner: str, receiver: str, epoch: int, iteration: int, total: RunningSum) -> Mass:
-    """All that ``learner`` gave to ``receiver`` up to ``iteration``; stamp and digests are the sender's to fill in."""
+    """All that ``learner`` sent to ``receiver`` up to ``iteration``; stamp and digests are the sender's to fill in."""
     return Mass(
         learner=learner,
         receiver=receiver,

@@ -1,33 +1,24 @@
 """The continuous benchmark: its tables and targets worked out by hand, and the command on a small experiment."""
 
-import gzip
 import json
 import shutil
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import polars as pl
 import pytest
 
 from mabirds_bringup.bench.cases import Case
 from mabirds_bringup.bench.continuous.cases import LATTICE, SOFT_ACTOR_CRITIC, VARIATIONS, all_cases
-from mabirds_bringup.bench.continuous.outcome import SHOWN_FLIGHTS, Outcome, run_case
-from mabirds_bringup.bench.continuous.tables import (
-    ACTOR_COLUMNS,
-    CLOSING_COLUMNS,
-    COLUMNS,
-    PILLAR_COLUMNS,
-    closing_table,
-    dear_pillars,
-    pillar_table,
-    rows,
-    table,
-)
-from mabirds_bringup.bench.continuous.targets import targets
+from mabirds_bringup.bench.continuous.outcome import SHOWN_FLIGHTS, dear_pillars, run_case
+from mabirds_bringup.bench.continuous.report import BENCHMARK, closing_section, pillar_section
+from mabirds_bringup.bench.frame import LEARNER, array_of, frame_of, read_results
+from mabirds_bringup.bench.results import CaseResult, curve, entries
+from mabirds_bringup.bench.tables import Section
 from mabirds_core.experiment.file import Experiment, load_experiment
 from mabirds_core.games.drones.study import drone_game
 
@@ -38,63 +29,78 @@ MakeExperiment = Callable[..., Path]
 QUICK = ("--seeds", 1, "--iterations", 2, "--flights", 40, "--json")
 
 
-def outcome(label: str = "MA-BIRDS", learner: str = "learner_1", seed: int = 1, **changes: Any) -> Outcome:
+CURVES = {
+    "violation_rate": [0.9, 0.5, 0.04, 0.01],
+    "success_rate": [0.0, 0.5, 0.8, 0.98],
+    "actor_violation_rate": [],
+    "actor_success_rate": [],
+    "seconds": [0.2, 0.4],
+    "consensus_theta": [0.0, 2.0, 1.0, 0.1],
+    "consensus_omega": [0.0, 4.0, 2.0, 0.2],
+}
+NUMBERS = {
+    "gradient_steps": 2,
+    "policy_solves": 4,
+    "peak_memory": 400.0,
+    "pillar_inside": [[2.0], [1.0]],
+    "pillar_rim": [[1.5], [0.5]],
+    "flown": [-0.5, 0.2],
+    "closeness": [3.0],
+    "policy_distance": 0.05,
+}
+
+
+def results(label: str = "MA-BIRDS", learner: str = "learner_1", seed: int = 1, **changes: Any) -> pl.DataFrame:
     """Made up: two updates of 0.2 s and 0.4 s, and a closing round; two drones, one pillar."""
-    values: dict[str, Any] = {
-        "group": LATTICE,
-        "label": label,
-        "learner": learner,
-        "seed": seed,
-        "violation_rate": [0.9, 0.5, 0.04, 0.01],
-        "success_rate": [0.0, 0.5, 0.8, 0.98],
-        "actor_violation_rate": [],
-        "actor_success_rate": [],
-        "seconds": [0.2, 0.4],
-        "gradient_steps": 2,
-        "policy_solves": 4,
-        "peak_memory": 400.0,
-        "omega": [-1.0],
-        "flights": [[[[0.0, 0.0], [1.0, 1.0]]]],
-        "pillar_inside": [[2.0], [1.0]],
-        "pillar_rim": [[1.5], [0.5]],
-        "flown": [-0.5, 0.2],
-        "closeness": [3.0],
-        "consensus_theta": [0.0, 2.0, 1.0, 0.1],
-        "consensus_omega": [0.0, 4.0, 2.0, 0.2],
-        "policy_distance": 0.05,
-    }
-    return Outcome(**{**values, **changes})
+    group = changes.pop("group", LATTICE)
+    curves = {metric: changes.pop(metric, values) for metric, values in CURVES.items()}
+    numbers = {metric: np.array(values) for metric, values in {**NUMBERS, **changes}.items()}
+    rows = [row for metric, values in curves.items() for row in curve(metric, values, first=int(metric == "seconds"))]
+    rows += entries(3, **numbers, pillar_dearer=dear_pillars(numbers))
+    return frame_of([CaseResult(group, label, learner, seed, rows)])
 
 
-def sac_outcome(**changes: Any) -> Outcome:
+def sac_results(**changes: Any) -> pl.DataFrame:
     actor = {"actor_violation_rate": [0.8, 0.2], "actor_success_rate": [0.1, 0.7]}
-    return outcome(group=SOFT_ACTOR_CRITIC, **{**actor, **changes})
+    return results(group=SOFT_ACTOR_CRITIC, **{**actor, **changes})
+
+
+def rows(*made_up: pl.DataFrame) -> pl.DataFrame:
+    return BENCHMARK.rows(pl.concat(made_up))
+
+
+def targets(*made_up: pl.DataFrame) -> dict[str, bool]:
+    return dict(BENCHMARK.targets(rows(*made_up)).select("name", "met").iter_rows())
+
+
+def lines_of(section: Section) -> list[dict[str, str]]:
+    return [dict(zip(section.columns, line, strict=True)) for line in section.lines]
 
 
 def test_a_row_holds_means_over_seeds_before_and_after_the_closing_rounds() -> None:
-    other = outcome(seed=2, violation_rate=[1.0, 1.0, 0.08, 0.03], seconds=[0.3, 0.3], peak_memory=500.0)
-    (row,) = rows([outcome(), other])
-    assert (row.violation_rate.mean, row.violation_rate.half_width) == pytest.approx((0.02, 0.01))
-    assert (row.updated_violation_rate.mean, row.updated_success_rate.mean) == pytest.approx((0.06, 0.8))
-    assert row.success_rate.mean == pytest.approx(0.98)
-    assert row.iteration_seconds == pytest.approx(0.3)
-    assert row.seconds_to_level == (pytest.approx(0.25), pytest.approx(0.6))
-    assert (row.iterations, row.gradient_steps, row.policy_solves, row.peak_memory) == (2, 2, 4, 450)
-    assert (row.consensus_theta.mean, row.consensus_omega.mean) == pytest.approx((0.1, 0.2))
-    assert row.actor_success_rate is None
+    other = results(seed=2, violation_rate=[1.0, 1.0, 0.08, 0.03], seconds=[0.3, 0.3], peak_memory=500.0)
+    (row,) = rows(results(), other).to_dicts()
+    assert row["violation_rate"] == pytest.approx({"mean": 0.02, "half_width": 0.01})
+    assert (row["updated_violation_rate"]["mean"], row["updated_success_rate"]["mean"]) == pytest.approx((0.06, 0.8))
+    assert row["success_rate"]["mean"] == pytest.approx(0.98)
+    assert row["iteration_seconds"] == pytest.approx(0.3)
+    assert row["seconds_to_level"] == pytest.approx([0.25, 0.6])
+    assert [row[of] for of in ("iterations", "gradient_steps", "policy_solves", "peak_memory")] == [2, 2, 4, 450]
+    assert (row["consensus_theta"]["mean"], row["consensus_omega"]["mean"]) == pytest.approx((0.1, 0.2))
+    assert row["actor_success_rate"] is None
 
 
 def test_the_actors_rates_are_those_of_the_last_policy_found() -> None:
-    (row,) = rows([sac_outcome(), sac_outcome(seed=2, actor_success_rate=[0.0, 0.9])])
-    assert row.actor_violation_rate.mean == pytest.approx(0.2)
-    assert (row.actor_success_rate.mean, row.actor_success_rate.half_width) == pytest.approx((0.8, 0.1))
+    (row,) = rows(sac_results(), sac_results(seed=2, actor_success_rate=[0.0, 0.9])).to_dicts()
+    assert row["actor_violation_rate"]["mean"] == pytest.approx(0.2)
+    assert row["actor_success_rate"] == pytest.approx({"mean": 0.8, "half_width": 0.1})
 
 
 def test_times_are_multiples_of_the_fastest_and_work_is_per_iteration() -> None:
-    slow = outcome("FTL", "ftl", seconds=[2.0, 4.0], success_rate=[0.0, 0.4, 0.95], gradient_steps=20, policy_solves=22)
-    columns, lines = table(rows([outcome(), slow]))
-    assert columns == COLUMNS
-    first, second = (dict(zip(columns, line, strict=True)) for line in lines)
+    slow = results("FTL", "ftl", seconds=[2.0, 4.0], success_rate=[0.0, 0.4, 0.95], gradient_steps=20, policy_solves=22)
+    (table,) = BENCHMARK.sections(rows(results(), slow))
+    assert "actor's SR" not in table.columns
+    first, second = lines_of(table)
     assert (first[""], second[""]) == ("MA-BIRDS learner_1", "FTL")
     assert (first["CVR"], first["SR"]) == ("0.010 ± 0.000", "0.980 ± 0.000")
     assert (first["STPOI"], second["STPOI"]) == ("1.000", "10.000")
@@ -105,19 +111,18 @@ def test_times_are_multiples_of_the_fastest_and_work_is_per_iteration() -> None:
 
 
 def test_soft_actor_critics_have_columns_of_their_actors() -> None:
-    columns, (line, without) = table(rows([sac_outcome(), outcome("BICS", "bics")]))
-    assert columns == ACTOR_COLUMNS
-    assert without[3:5] == ["", ""]
-    assert len(without) == len(line) == len(columns)
-    found = dict(zip(columns, line, strict=True))
+    (table,) = BENCHMARK.sections(rows(sac_results(), results("BICS", "bics", group=SOFT_ACTOR_CRITIC)))
+    assert list(table.columns[3:5]) == ["actor's CVR", "actor's SR"]
+    found, without = lines_of(table)
+    assert (without["actor's CVR"], without["actor's SR"]) == ("", "")
     assert (found["SR"], found["actor's CVR"], found["actor's SR"]) == tuple(
         f"{rate:.3f} ± 0.000" for rate in (0.98, 0.2, 0.7)
     )
 
 
 def test_the_closing_table_is_of_learners_alone() -> None:
-    (line,) = closing_table(rows([outcome(), outcome("BICS", "bics")]))
-    found = dict(zip(CLOSING_COLUMNS, line, strict=True))
+    (found,) = lines_of(closing_section(rows(results(), results("BICS", "bics"))))
+    assert found[""] == "MA-BIRDS learner_1 (lattice)"
     assert (found["SR, last update"], found["SR, end"]) == ("0.800 ± 0.000", "0.980 ± 0.000")
     assert (found["distance of theta"], found["of omega"], found["of flights"]) == (
         "1.0e-01",
@@ -126,30 +131,40 @@ def test_the_closing_table_is_of_learners_alone() -> None:
     )
 
 
+def dear(**changes: Any) -> list[list[bool]]:
+    return dear_pillars({metric: np.array(values) for metric, values in {**NUMBERS, **changes}.items()}).tolist()
+
+
 def test_a_pillar_is_dear_where_it_and_its_rim_cost_more_than_ways_flown() -> None:
-    assert dear_pillars(outcome()) == {(0, 0): True, (1, 0): True}
-    assert dear_pillars(outcome(pillar_rim=[[1.5], [0.1]])) == {(0, 0): True, (1, 0): False}
-    assert dear_pillars(outcome(pillar_inside=[[-0.5], [1.0]])) == {(0, 0): False, (1, 0): True}
-    assert dear_pillars(outcome(pillar_inside=[[], []], pillar_rim=[[], []])) == {}
-    (row,) = rows([outcome(), outcome(seed=2, pillar_rim=[[1.5], [0.1]], closeness=[-1.0])])
-    assert (row.dear_pillars, row.dear_closeness) == (0.75, 0.5)
+    assert dear() == [[True], [True]]
+    assert dear(pillar_rim=[[1.5], [0.1]]) == [[True], [False]]
+    assert dear(pillar_inside=[[-0.5], [1.0]]) == [[False], [True]]
+    assert dear(pillar_inside=[[], []], pillar_rim=[[], []]) == [[], []]
+    (row,) = rows(results(), results(seed=2, pillar_rim=[[1.5], [0.1]], closeness=[-1.0])).to_dicts()
+    assert (row["dear_pillars"], row["dear_closeness"]) == (0.75, 0.5)
+
+
+def test_without_pillars_and_pairs_none_is_too_cheap() -> None:
+    (row,) = rows(results(pillar_inside=[[], []], pillar_rim=[[], []], closeness=[])).to_dicts()
+    assert (row["dear_pillars"], row["dear_closeness"]) == (1.0, None)
 
 
 def test_the_table_of_pillars_counts_learners_and_seeds(make_drone_experiment: MakeExperiment) -> None:
     settings = drone_game(load_experiment(make_drone_experiment())).settings
-    cheap = outcome(seed=2, pillar_inside=[[1.0], [1.0]], pillar_rim=[[-0.6], [0.5]])
-    lines = pillar_table(settings, [outcome(), cheap, outcome("BICS", "bics")])
-    first, second = (dict(zip(PILLAR_COLUMNS, line, strict=True)) for line in lines)
+    cheap = results(seed=2, pillar_inside=[[1.0], [1.0]], pillar_rim=[[-0.6], [0.5]])
+    made_up = pl.concat([results(), cheap, results("BICS", "bics"), results(group=VARIATIONS)])
+    first, second = lines_of(pillar_section(settings, made_up, LATTICE))
     assert (first["pillar"], first["drone"], second["drone"]) == ("(1.5, 1.5) m", "1", "2")
     assert (first["touching it"], first["its rim"]) == ("1.500 ± 0.500", "0.450 ± 1.050")
+    assert (first["ways flown"], second["ways flown"]) == ("-0.500 ± 0.000", "0.200 ± 0.000")
     assert (first["dearer"], second["dearer"]) == ("1 of 2", "2 of 2")
 
 
 def test_targets_say_what_is_met_and_what_is_missed() -> None:
-    bad = outcome(learner="learner_2", violation_rate=[1, 1, 0.0, 0.03], pillar_rim=[[1.5], [0.1]], seconds=[0.6, 0.6])
-    ftl, dlm = (outcome(name, name.lower(), seconds=[t, t]) for name, t in (("FTL", 1.4), ("DLM", 1.6)))
-    bics = outcome("BICS", "bics", success_rate=[0, 0, 0, 0.96])
-    found = {one.name: one.met for one in targets([outcome(), bad, bics, ftl, dlm])}
+    bad = results(learner="learner_2", violation_rate=[1, 1, 0.0, 0.03], pillar_rim=[[1.5], [0.1]], seconds=[0.6, 0.6])
+    ftl, dlm = (results(name, name.lower(), seconds=[t, t]) for name, t in (("FTL", 1.4), ("DLM", 1.6)))
+    bics = results("BICS", "bics", success_rate=[0, 0, 0, 0.96])
+    found = targets(results(), bad, bics, ftl, dlm)
     assert found["MA-BIRDS learner_1 violation_rate"] is True
     assert found["MA-BIRDS learner_2 violation_rate"] is False
     assert found["BICS success_rate"] is True
@@ -163,7 +178,7 @@ def test_targets_say_what_is_met_and_what_is_missed() -> None:
 
 
 def test_targets_of_soft_actor_critics_are_those_of_parameters_and_of_actors() -> None:
-    found = {one.name: one.met for one in targets([sac_outcome(seconds=[2.0, 2.0])])}
+    found = targets(sac_results(seconds=[2.0, 2.0]))
     assert found["soft actor-critic, MA-BIRDS learner_1 success_rate"] is True
     assert found["soft actor-critic, MA-BIRDS learner_1 actor's success_rate"] is False
     assert found["soft actor-critic, MA-BIRDS learner_1 seconds an iteration"] is True
@@ -171,7 +186,7 @@ def test_targets_of_soft_actor_critics_are_those_of_parameters_and_of_actors() -
 
 
 def test_variations_have_no_targets() -> None:
-    assert targets([outcome("neural reward", group=VARIATIONS)]) == []
+    assert targets(results("neural reward", group=VARIATIONS)) == {}
 
 
 def shipped() -> Experiment:
@@ -194,30 +209,42 @@ def test_the_cases_are_all_methods_by_either_finder_and_variations() -> None:
     assert {case.group for case in all_cases(main, None)} == {LATTICE, VARIATIONS}
 
 
-def test_an_outcome_is_what_the_simulation_came_to(make_drone_experiment: MakeExperiment) -> None:
+def at(results: pl.DataFrame, metric: str) -> list[float]:
+    return results.filter(metric=metric).sort("iteration")["value"].to_list()
+
+
+def test_a_result_is_what_the_simulation_came_to(make_drone_experiment: MakeExperiment) -> None:
     experiment = load_experiment(make_drone_experiment(iterations=3)).model_copy(update={"closing_rounds": 2})
-    first, again = (run_case(Case(LATTICE, "MA-BIRDS", experiment), 5, 40) for _ in range(2))
-    assert [one.learner for one in first] == ["learner_1", "learner_2"]
+    case = Case(LATTICE, "MA-BIRDS", experiment)
+    first, again, other = (frame_of(run_case(case, seed, 40)) for seed in (5, 5, 6))
+    measured = pl.col("metric").is_in(["seconds", "peak_memory"])
+    assert first.remove(measured).equals(again.remove(measured))
+    assert first["learner"].unique(maintain_order=True).to_list() == ["learner_1", "learner_2"]
     game = drone_game(experiment)
-    for one, other in zip(first, again, strict=True):
-        assert replace(one, seconds=[], peak_memory=0) == replace(other, seconds=[], peak_memory=0)
-        assert len(one.success_rate) == len(one.violation_rate) == len(one.consensus_omega) == 3 + 2 + 1
-        assert (len(one.seconds), one.gradient_steps, one.actor_success_rate) == (3, 3, [])
-        assert np.shape(one.flights) == (SHOWN_FLIGHTS, game.horizon + 1, 2, 2)
-        assert np.shape(one.pillar_inside) == (2, 1)
-        assert len(one.omega) == len(game.cost_features.names)
+    for learner in experiment.learners:
+        own = first.filter(learner=learner, seed=5)
+        for metric in ("success_rate", "violation_rate", "consensus_omega"):
+            assert len(at(own, metric)) == 3 + 2 + 1
+        assert own.filter(metric="seconds")["iteration"].to_list() == [1, 2, 3]
+        assert (at(own, "gradient_steps"), at(own, "actor_success_rate")) == ([3], [])
+        assert array_of(own, "flights").shape == (SHOWN_FLIGHTS, game.horizon + 1, 2, 2)
+        assert array_of(own, "pillar_inside").shape == array_of(own, "pillar_dearer").shape == (2, 1)
+        assert array_of(own, "omega").shape == (len(game.cost_features.names),)
         # A full graph of two agrees at once, up to rounding, and equal parameters fly alike.
-        assert one.consensus_theta[2] > one.consensus_theta[-1] == pytest.approx(0, abs=1e-9)
-        assert one.policy_distance == pytest.approx(0, abs=1e-3)
-    assert first[0].omega != run_case(Case(LATTICE, "MA-BIRDS", experiment), 6, 40)[0].omega
+        theta = at(own, "consensus_theta")
+        assert theta[2] > theta[-1] == pytest.approx(0, abs=1e-9)
+        assert at(own, "policy_distance") == pytest.approx([0], abs=1e-3)
+    omega, others = (array_of(of.filter(learner="learner_1"), "omega") for of in (first, other))
+    assert not np.array_equal(omega, others)
 
 
 def test_actors_are_judged_at_every_update(make_drone_experiment: MakeExperiment) -> None:
     experiment = load_experiment(make_drone_experiment("soft_actor_critic", iterations=2))
     for case in (Case(SOFT_ACTOR_CRITIC, "MA-BIRDS", experiment), Case(SOFT_ACTOR_CRITIC, "BICS", experiment, "bics")):
-        for one in run_case(case, 5, 40):
-            assert len(one.actor_success_rate) == len(one.actor_violation_rate) == 2
-            assert len(one.success_rate) == 3
+        for result in run_case(case, 5, 40):
+            own = frame_of([result])
+            assert len(at(own, "actor_success_rate")) == len(at(own, "actor_violation_rate")) == 2
+            assert len(at(own, "success_rate")) == 3
 
 
 def test_peak_memory_is_that_of_the_process() -> None:
@@ -255,8 +282,7 @@ def test_the_command_writes_a_report(files: tuple[Path, Path], tmp_path: Path) -
     groups = {(row["group"], row["label"]) for row in content["results"]}
     assert {(LATTICE, "ME-gradient"), (SOFT_ACTOR_CRITIC, "BICS"), (VARIATIONS, "neural reward")} <= groups
     assert all(row["iterations"] == 2 and row["peak_memory"] > 50 for row in content["results"])
-    with gzip.open(out / "outcomes.json.gz", "rt", encoding="utf-8") as stream:
-        assert len(json.load(stream)) == len(content["results"])
+    assert len(read_results(out).select(*LEARNER, "seed").unique()) == len(content["results"])
     page = (out / "report.html").read_text(encoding="utf-8")
     pictures = {path.name for path in out.glob("*.png")}
     assert {"game.png", "cost.png", "rates.png", "consensus.png", "cost_soft_actor_critic.png"} <= pictures

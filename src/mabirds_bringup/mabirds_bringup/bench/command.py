@@ -2,26 +2,25 @@
 
 import shlex
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from mabirds_bringup.bench.cases import Case
-from mabirds_bringup.bench.pool import run_cases
-from mabirds_bringup.bench.report import earlier_outcomes
-from mabirds_bringup.bench.tables import Named
+from mabirds_bringup.bench.pool import RunCase, run_cases
 from mabirds_bringup.console import console
+
+if TYPE_CHECKING:
+    import polars as pl
 
 FIRST_SEED = 301
 """The reported seeds are 301, 302, ... where nothing else is said; none of them served to choose settings."""
 
-Outcome = TypeVar("Outcome", bound=Named)
-
 
 @dataclass(frozen=True)
 class Request:
-    """What to run. ``only``: a group of cases; the others' outcomes stay as they are in ``directory``."""
+    """What to run. ``only``: a group of cases; the others' results stay as they are in ``directory``."""
 
     directory: Path
     only: str | None
@@ -31,15 +30,16 @@ class Request:
     fresh: bool = False
     """Each case in a process of its own, so that its memory is its own."""
 
-    def outcomes(
-        self, cases: Sequence[Case], run_case: Callable[[Case, int], list[Outcome]], make: Callable[..., Outcome]
-    ) -> list[Outcome]:
-        """Of the cases asked for, and of earlier ones; ``make`` makes those from what was written."""
+    def results(self, cases: Sequence[Case], run_case: RunCase) -> "pl.DataFrame":
+        """Of earlier cases, where only a group is asked for, and of the cases asked for."""
+        # The cases' processes import the whole command, and what is imported there counts as memory of the cases.
+        from mabirds_bringup.bench.frame import frame_of, read_results
+
         self.directory.mkdir(parents=True, exist_ok=True)
         asked = [case for case in cases if self.only in {None, case.group}]
-        kept = [one for one in earlier_outcomes(self.directory, make) if one.group != self.only] if self.only else []
         seeds = range(self.first_seed, self.first_seed + self.seeds)
-        return [*kept, *run_cases(run_case, asked, seeds, self.jobs, fresh=self.fresh)]
+        kept = read_results(self.directory).remove(group=self.only) if self.only else frame_of([])
+        return kept.extend(frame_of(run_cases(run_case, asked, seeds, self.jobs, fresh=self.fresh)))
 
     def tell(self, content: dict[str, Any]) -> None:
         """Which targets are met, and where the report is."""

@@ -27,9 +27,9 @@ def learn(
     """History, and progress without policies, which fill the memory: ``on_update`` may look at them."""
     progress = defaultdict[str, list[Progress]](list)
 
-    def keep(one: Progress) -> None:
-        on_update(one)
-        progress[one.name].append(one._replace(policy=None))
+    def keep(update: Progress) -> None:
+        on_update(update)
+        progress[update.name].append(update._replace(policy=None))
 
     if case.method:
         return simulate_central(experiment, case.method, streams, keep), progress

@@ -4,24 +4,20 @@ import multiprocessing
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from typing import TypeVar
 
 from mabirds_bringup.bench.cases import Case
+from mabirds_bringup.bench.results import CaseResult
 from mabirds_bringup.console import progress_bar
 from mabirds_bringup.run.processes import ONE_THREAD
 
-Outcome = TypeVar("Outcome")
+RunCase = Callable[[Case, int], list[CaseResult]]
+"""Learns a case with a seed; one result per learner."""
 
 
 def run_cases(
-    run_case: Callable[[Case, int], list[Outcome]],
-    cases: Sequence[Case],
-    seeds: range,
-    jobs: int,
-    *,
-    fresh: bool = False,
-) -> Iterator[Outcome]:
-    """All cases with all seeds; outcomes in the order of the cases.
+    run_case: RunCase, cases: Sequence[Case], seeds: range, jobs: int, *, fresh: bool = False
+) -> Iterator[CaseResult]:
+    """All cases with all seeds; results in the order of the cases.
 
     ``fresh``: each in a process of its own, so that its memory is its own.
     """

@@ -1,45 +1,59 @@
-"""A benchmark's report directory: summary.json, all outcomes, tables as Markdown, report.html with pictures."""
+"""A benchmark's report directory: summary.json, all results, tables as Markdown, report.html with pictures."""
 
-import gzip
-import json
 import os
 import platform
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
-from html import escape
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any
 
-from mabirds_bringup.bench.tables import markdown_table
-from mabirds_bringup.report.page import html_table, image, write_page
+import polars as pl
+
+from mabirds_bringup.bench.frame import write_results
+from mabirds_bringup.bench.summary import Measure, summarise
+from mabirds_bringup.bench.tables import Column, Section, section
+from mabirds_bringup.bench.targets import COLUMNS, Limits
+from mabirds_bringup.report.templates import render
 from mabirds_bringup.run.run_directory import write_json
-
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
-
-OUTCOMES = "outcomes.json.gz"
-
-Outcome = TypeVar("Outcome")
 
 
 @dataclass(frozen=True)
-class Section:
-    """One table of the report."""
+class Benchmark:
+    """What a benchmark shows of its results, as queries. ``groups``: titles of the groups' tables, in order."""
 
-    title: str
-    columns: Sequence[str]
-    lines: Sequence[Sequence[str]]
+    groups: Mapping[str, str]
+    measures: Mapping[str, Measure]
+    columns: Sequence[Column]
+    limits: Sequence[Limits]
+    packages: Sequence[str]
+    """On which times depend."""
+
+    def rows(self, results: pl.DataFrame) -> pl.DataFrame:
+        """One row per learner or method of each case, over all seeds."""
+        return summarise(results, self.measures)
+
+    def sections(self, rows: pl.DataFrame) -> list[Section]:
+        """A table of each group that there is."""
+        of = {title: rows.filter(group=group) for group, title in self.groups.items()}
+        return [section(title, own, self.columns) for title, own in of.items() if len(own)]
+
+    def targets(self, rows: pl.DataFrame) -> pl.DataFrame:
+        """Of all limits, in order."""
+        return pl.concat([limits.targets(rows) for limits in self.limits])
 
 
 @dataclass(frozen=True)
 class Page:
-    """What report.md and report.html say. ``note``: how to read the tables."""
+    """What report.md and report.html say, and summary.json. ``note``: how to read the tables."""
 
     title: str
     note: str
-    sections: Sequence[Section]
     pictures: Sequence[str]
+    sections: Sequence[Section]
+    targets: pl.DataFrame
+    content: Mapping[str, Any] = field(default_factory=dict)
+    """More of summary.json."""
 
 
 def machine(*packages: str) -> dict[str, Any]:
@@ -52,31 +66,22 @@ def machine(*packages: str) -> dict[str, Any]:
     }
 
 
-def write_report(directory: Path, content: dict[str, Any], outcomes: "Sequence[DataclassInstance]", page: Page) -> None:
-    """Fill ``directory``, where the pictures are already. ``content``: of summary.json, with command and seeds."""
+def write_report(
+    benchmark: Benchmark, results: pl.DataFrame, directory: Path, command: str, page: Page
+) -> dict[str, Any]:
+    """Fill ``directory``, where the pictures are already; returns what --json prints."""
+    content = {
+        "command": command,
+        "machine": machine(*benchmark.packages),
+        "seeds": sorted(results["seed"].unique()),
+        "results": benchmark.rows(results).drop("name").to_dicts(),
+        "targets": page.targets.to_dicts(),
+        **page.content,
+    }
     write_json(directory / "summary.json", content)
-    with gzip.open(directory / OUTCOMES, "wt", encoding="utf-8") as stream:
-        json.dump([asdict(one) for one in outcomes], stream)
-    (directory / "report.md").write_text("\n".join(_markdown(content, page)) + "\n", encoding="utf-8")
-    write_page(directory / "report.html", page.title, _html(content, page))
-
-
-def earlier_outcomes(directory: Path, make: Callable[..., Outcome]) -> list[Outcome]:
-    """The outcomes that an earlier report in ``directory`` was made of; none where there is no report."""
-    if not (directory / OUTCOMES).exists():
-        return []
-    with gzip.open(directory / OUTCOMES, "rt", encoding="utf-8") as stream:
-        return [make(**one) for one in json.load(stream)]
-
-
-def _markdown(content: dict[str, Any], page: Page) -> Iterator[str]:
-    yield from (f"# {page.title}", "", f"`{content['command']}`; seeds {content['seeds']}. {page.note}")
-    for section in page.sections:
-        yield from ("", f"## {section.title}", "", *markdown_table(section.columns, section.lines))
-
-
-def _html(content: dict[str, Any], page: Page) -> Iterator[str]:
-    yield f"<p><code>{escape(content['command'])}</code>; seeds {content['seeds']}. {escape(page.note)}</p>"
-    for section in page.sections:
-        yield f"<h2>{escape(section.title)}</h2>{html_table(section.columns, section.lines)}"
-    yield from map(image, page.pictures)
+    write_results(directory, results)
+    sections = [*page.sections, section("Targets", page.targets, COLUMNS)]
+    for suffix in ("md", "html"):
+        text = render(f"bench.{suffix}.jinja", **content, page=page, sections=sections)
+        (directory / f"report.{suffix}").write_text(text, encoding="utf-8")
+    return content

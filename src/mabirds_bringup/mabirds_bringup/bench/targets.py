@@ -1,39 +1,77 @@
-"""What a benchmark is to show, and whether it does."""
+"""What a benchmark is to show, and whether it does: limits on the measures of rows."""
 
-from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
-COLUMNS = ("", "value", "target", "")
+import polars as pl
+
+from mabirds_bringup.bench.cases import MABIRDS
+from mabirds_bringup.bench.tables import Column, number
+
+NAME = pl.col("name")
 
 
 @dataclass(frozen=True)
-class Target:
-    """A figure and its limit."""
+class Limit:
+    """What a figure of a row may at most be, or is at least to be, by label; other labels have no limit."""
 
-    name: str
-    value: float
-    target: float
-    at_most: bool
+    words: str
+    value: pl.Expr
+    by_label: Mapping[str, float]
+    at_most: bool = False
 
-    @property
-    def met(self) -> bool:
-        """Is the value on the right side of its limit?"""
-        return self.value <= self.target if self.at_most else self.value >= self.target
+    def targets(self, rows: pl.DataFrame, name: pl.Expr) -> pl.DataFrame:
+        """Of the rows that have a value and a limit, with ``row``."""
+        return rows.select(
+            "row",
+            name=pl.concat_str(name, pl.lit(self.words), separator=" "),
+            value=self.value.cast(pl.Float64),
+            target=pl.col("label").replace_strict(self.by_label, default=None, return_dtype=pl.Float64),
+            at_most=pl.lit(self.at_most),
+        ).drop_nulls()
 
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return {**asdict(self), "met": self.met}
+
+@dataclass(frozen=True)
+class Limits:
+    """Limits of the rows of a group, which targets call ``name``."""
+
+    group: str
+    limits: Sequence[Limit]
+    name: pl.Expr = NAME
+
+    def targets(self, rows: pl.DataFrame) -> pl.DataFrame:
+        """Row by row: name, value, target, at_most, met."""
+        own = rows.filter(group=self.group).with_row_index("row")
+        found = pl.concat([limit.targets(own, self.name) for limit in self.limits])
+        return judged(found.sort("row", maintain_order=True).drop("row"))
 
 
-def target_lines(targets: Iterable[Target]) -> list[list[str]]:
-    """Lines of a table below ``COLUMNS``."""
-    return [
-        [
-            one.name,
-            f"{one.value:.3f}",
-            f"{'<=' if one.at_most else '>='} {one.target:g}",
-            "met" if one.met else "missed",
-        ]
-        for one in targets
-    ]
+def judged(targets: pl.DataFrame) -> pl.DataFrame:
+    """With ``met``: is the value on the right side of its limit?"""
+    value, target = pl.col("value"), pl.col("target")
+    return targets.with_columns(met=pl.when("at_most").then(value <= target).otherwise(value >= target))
+
+
+def mean_of(measure: str) -> pl.Expr:
+    """The mean of a mean and range."""
+    return pl.col(measure).struct.field("mean")
+
+
+def slower_than_learners() -> Limit:
+    """Methods with an inner loop cost at least five times as much per iteration as the fastest learner."""
+    seconds = pl.col("iteration_seconds")
+    fastest = seconds.filter(pl.col("label") == MABIRDS).min().fill_null(1.0)
+    return Limit("time an iteration / MA-BIRDS", seconds / fastest, {"FTL": 5.0, "DLM": 5.0})
+
+
+def _limit_text(cell: Mapping[str, Any]) -> str:
+    return f"{'<=' if cell['at_most'] else '>='} {cell['target']:g}"
+
+
+COLUMNS = (
+    Column("", NAME),
+    Column("value", pl.col("value"), number(".3f")),
+    Column("target", pl.struct("at_most", "target"), _limit_text),
+    Column("", pl.col("met"), lambda met: "met" if met else "missed"),
+)

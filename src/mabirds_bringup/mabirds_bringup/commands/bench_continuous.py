@@ -9,7 +9,7 @@ import typer
 from mabirds_bringup.bench.cases import shortened
 from mabirds_bringup.bench.command import FIRST_SEED, Request, command_line
 from mabirds_bringup.bench.continuous.cases import all_cases
-from mabirds_bringup.bench.continuous.outcome import FLIGHTS, Outcome, run_case
+from mabirds_bringup.bench.continuous.outcome import FLIGHTS, run_case
 from mabirds_bringup.commands.options import FirstSeed, Jobs, Json, MostIterations, ReportDirectory, Seeds
 from mabirds_bringup.console import guarded_output, print_json
 from mabirds_core.errors import ExperimentError
@@ -31,7 +31,7 @@ def continuous(  # noqa: PLR0913, PLR0917 - the options of a command
     ] = FLIGHTS,
     only: Annotated[
         Literal["lattice", "soft_actor_critic", "variations"] | None,
-        typer.Option(help="Run this group of cases again; the others' outcomes stay as they are in --out."),
+        typer.Option(help="Run this group of cases again; the others' results stay as they are in --out."),
     ] = None,
     jobs: Jobs = 1,
     out: ReportDirectory = Path("runs/bench-continuous"),
@@ -41,15 +41,15 @@ def continuous(  # noqa: PLR0913, PLR0917 - the options of a command
 
     Example: mabirds bench continuous --seeds 1 --iterations 10 --only lattice --out runs/quick
     """
-    from mabirds_bringup.bench.continuous.report import write_report  # matplotlib takes a second to load
+    from mabirds_bringup.bench.continuous.report import write_report  # loads matplotlib and polars
 
     with guarded_output() as stdout:
         first, second = _loaded(main, iterations), _networks(main, sac, iterations)
         if only == "soft_actor_critic" and second is None:
             raise ExperimentError(f"{_beside(main)}: no such file; give the experiment by soft actor-critic with --sac")
         request = Request(out, only, seeds, jobs, first_seed, fresh=True)
-        outcomes = request.outcomes(all_cases(first, second), partial(run_case, flights=flights), Outcome)
-        content = write_report(first, second, outcomes, out, command_line(), flights)
+        results = request.results(all_cases(first, second), partial(run_case, flights=flights))
+        content = write_report(first, second, results, out, command_line(), flights)
         request.tell(content)
         if as_json:
             print_json(content, stdout)

@@ -8,7 +8,7 @@ import typer
 from mabirds_bringup.bench.cases import shortened
 from mabirds_bringup.bench.command import Request, command_line
 from mabirds_bringup.bench.discrete.cases import all_cases
-from mabirds_bringup.bench.discrete.outcome import Outcome, run_case
+from mabirds_bringup.bench.discrete.outcome import run_case
 from mabirds_bringup.commands.options import Jobs, Json, MostIterations, ReportDirectory, Seeds
 from mabirds_bringup.console import guarded_output, print_json
 from mabirds_core.experiment.file import load_experiment
@@ -23,7 +23,7 @@ def discrete(  # noqa: PLR0913, PLR0917 - the options of a command
     iterations: MostIterations = 1_000_000,
     only: Annotated[
         Literal["main", "variations", "hard"] | None,
-        typer.Option(help="Run this group of cases again; the others' outcomes stay as they are in --out."),
+        typer.Option(help="Run this group of cases again; the others' results stay as they are in --out."),
     ] = None,
     jobs: Jobs = 1,
     out: ReportDirectory = Path("runs/bench-discrete"),
@@ -33,13 +33,13 @@ def discrete(  # noqa: PLR0913, PLR0917 - the options of a command
 
     Example: mabirds bench discrete --seeds 2 --iterations 10 --out runs/quick
     """
-    from mabirds_bringup.bench.discrete.report import write_report  # matplotlib takes a second to load
+    from mabirds_bringup.bench.discrete.report import write_report  # loads matplotlib and polars
 
     with guarded_output() as stdout:
         first, second = (shortened(load_experiment(file), iterations) for file in (main, hard))
         request = Request(out, only, seeds, jobs)
-        outcomes = request.outcomes(all_cases(first, second), run_case, Outcome)
-        content = write_report(first, second, outcomes, out, command_line())
+        results = request.results(all_cases(first, second), run_case)
+        content = write_report(first, second, results, out, command_line())
         request.tell(content)
         if as_json:
             print_json(content, stdout)

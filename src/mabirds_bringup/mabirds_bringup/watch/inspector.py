@@ -79,11 +79,13 @@ class InspectorNode(Node):
     @property
     def complete(self) -> bool:
         """Has every learner of the schedules been found and heard?"""
-        return bool(self.learners) and not self.missing() and all(one.complete for one in self.learners.values())
+        return (
+            bool(self.learners) and not self.missing() and all(learner.complete for learner in self.learners.values())
+        )
 
     def missing(self) -> list[str]:
         """Learners that a schedule names and that were not found."""
-        schedules = [one.schedule for one in self.learners.values() if one.schedule is not None]
+        schedules = [learner.schedule for learner in self.learners.values() if learner.schedule is not None]
         named = {name for schedule in schedules for name in schedule.learners}
         return sorted(named - {topics.split_namespace(namespace)[1] for namespace in self.learners})
 

@@ -185,8 +185,8 @@ class MonitorNode(Node):
         newest = [known[max(common)] for known in self.parameters.values()]
         return (
             max(common),
-            consensus_distance([one.theta for one in newest]),
-            consensus_distance([one.omega for one in newest]),
+            consensus_distance([parameters.theta for parameters in newest]),
+            consensus_distance([parameters.omega for parameters in newest]),
         )
 
     def mass_residual(self) -> float | None:
@@ -194,11 +194,12 @@ class MonitorNode(Node):
 
         Rounding apart 0, whatever was lost. None in strict mode, and where the newest statuses are of several epochs.
         """
-        metrics = [dict(zip(one.metric_names, one.metric_values, strict=False)) for one in self.statuses.values()]
-        if not all("weight" in one for one in metrics) or len({one.epoch for one in self.statuses.values()}) > 1:
+        statuses = self.statuses.values()
+        metrics = [dict(zip(status.metric_names, status.metric_values, strict=False)) for status in statuses]
+        if not all("weight" in shown for shown in metrics) or len({status.epoch for status in statuses}) > 1:
             return None
         signs = {"weight": 1, "weight_sent": 1, "weight_received": -1, "initial_weight": -1}
-        return sum(signs.get(name.split(".")[0], 0) * value for one in metrics for name, value in one.items())
+        return sum(signs.get(name.split(".")[0], 0) * value for shown in metrics for name, value in shown.items())
 
     def delivered(self) -> Delivered:
         """Whose parameters each learner says it mixed, at the iterations of which all learners' statuses were heard."""

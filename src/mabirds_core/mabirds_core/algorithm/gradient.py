@@ -72,5 +72,6 @@ class GradientEstimator:
 def stacked(demonstrations: Sequence[Trajectories]) -> Trajectories:
     """Several sets of trajectories as one."""
     return Trajectories(
-        np.concatenate([one.states for one in demonstrations]), np.concatenate([one.actions for one in demonstrations])
+        np.concatenate([trajectories.states for trajectories in demonstrations]),
+        np.concatenate([trajectories.actions for trajectories in demonstrations]),
     )

@@ -79,7 +79,10 @@ class Learner:
         return LearnerState(1, self.mixer.initial(self.estimator.initial_parameters(self.seed)), ())
 
     def step(self, state: LearnerState, demonstration: Trajectories, incoming: Mapping[str, Any]) -> StepResult:
-        """Iteration n, with zeta(n) and what in-neighbours of E(n) have sent, by their names, for the mixer."""
+        """Iteration n, all four steps.
+
+        ``demonstration``: zeta(n). ``incoming``: what in-neighbours of E(n) have sent, by their names, for the mixer.
+        """
         local, n = self.local_gradient(state, demonstration), state.iteration
 
         def descend(origin: Parameters) -> Parameters:
@@ -89,7 +92,10 @@ class Learner:
         return StepResult(LearnerState(n + 1, mixed, local.recent, local.policy), local.gradient)
 
     def local_gradient(self, state: LearnerState, demonstration: Trajectories) -> LocalGradient:
-        """Steps 1 to 3, the part of an iteration that needs nobody else."""
+        """Steps 1 to 3, the part of an iteration that needs nobody else.
+
+        (1/l) sum_{i<l} ( mean_j grad J(zeta^j) - grad J(zeta(n-i)) ) in theta, and the same of mu in omega.
+        """
         recent = (demonstration, *state.recent)[: self.window]
         mean, policy = self.estimator(state.parameters, stacked(recent), self._rng(state.iteration), state.policy)
         window_fill = len(recent) / self.window  # terms with n - i <= 0 are zero

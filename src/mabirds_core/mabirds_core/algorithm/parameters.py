@@ -14,7 +14,7 @@ LARGEST = 1e12
 
 
 class Parameters(NamedTuple):
-    """What learners exchange: theta (reward parameters) and omega (cost weights)."""
+    """What learners exchange: theta, shape (K_theta,), reward parameters; omega, shape (K_omega,), cost weights."""
 
     theta: Vector
     omega: Vector

@@ -1,8 +1,8 @@
 """Push-sum with running sums: averaging that loses nothing although messages are lost.
 
 A learner holds a mass s (theta and omega) and its weight y; its estimate is s / y. In a slot that opens the edge to u
-it gives u the share W[u, v] of mass and weight and keeps W[v, v]. What it sends is not the share but the sum
-sigma_vu of all shares it ever gave to u, and u adds what is new to it since the sum rho_vu that it received last:
+its outgoing weight for u is W[u, v], and it keeps W[v, v]. What it sends is not W[u, v] s_v but the sum sigma_vu of all
+that it ever sent to u, and u adds what is new to it since the sum rho_vu that it received last:
 
     s_v <- W[v, v] s_v + sum_u (sigma_uv - rho_uv),     rho_uv <- sigma_uv,     the same for y
 

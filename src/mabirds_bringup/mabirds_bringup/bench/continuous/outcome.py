@@ -1,16 +1,17 @@
 """One case with one seed: learn, judge every iteration by flights, and keep what tables and figures show."""
 
 from collections import defaultdict
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from mabirds_bringup.bench.cases import Case
 from mabirds_bringup.bench.learning import Streams, drawn_streams, learn
+from mabirds_bringup.bench.results import CaseResult, MetricsRow, curve, entries
 from mabirds_core.algorithm.gradient import stacked
-from mabirds_core.arrays import Array
+from mabirds_core.arrays import Array, Mask, Vector
 from mabirds_core.experiment.assembly import policy_of
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History, Progress
@@ -31,42 +32,6 @@ DIGITS = 6
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """What one learner or central method came to; rates in [0, 1]; entry k of a list: after k updates."""
-
-    group: str
-    label: str
-    learner: str
-    seed: int
-    violation_rate: list[float]
-    """Of the policies that theta and omega mean; past the updates: after each closing round."""
-    success_rate: list[float]
-    actor_violation_rate: list[float]
-    """Of the policies that the learner itself found, where those are networks; else empty."""
-    actor_success_rate: list[float]
-    seconds: list[float]
-    gradient_steps: int
-    policy_solves: int
-    peak_memory: float
-    """Of the process that learned, with all learners of the case [MB]."""
-    omega: list[float]
-    flights: list[list[list[list[float]]]]
-    """Some flights of the last policy: places [m], (SHOWN_FLIGHTS, T + 1, N_E, 2)."""
-    pillar_inside: list[list[float]]
-    """Mean learned cost of where a drone would touch a pillar, (N_E, pillars)."""
-    pillar_rim: list[list[float]]
-    flown: list[float]
-    """Mean learned cost along the demonstrations, (N_E,)."""
-    closeness: list[float]
-    """By how much distances below the least cost more than that of drones far apart, (pairs,)."""
-    consensus_theta: list[float]
-    """Largest distance of a learner of the case from their mean."""
-    consensus_omega: list[float]
-    policy_distance: float
-    """Largest total variation distance of two learners' flights, in [0, 1]."""
-
-
-@dataclass(frozen=True)
 class Judgement:
     """A learner's policies by iteration, and the flights of the last."""
 
@@ -75,19 +40,9 @@ class Judgement:
 
 
 @dataclass(frozen=True)
-class Agreement:
-    """How far the learners of a case are apart."""
-
-    theta: list[float]
-    omega: list[float]
-    policy: float
-
-
-@dataclass(frozen=True)
-class _Case:
+class LearnedCase:
     """One case with one seed, learned."""
 
-    case: Case
     experiment: Experiment
     game: WholeDroneGame
     streams: Streams
@@ -98,26 +53,41 @@ class _Case:
     flights: int
 
 
-def run_case(case: Case, seed: int, flights: int = FLIGHTS) -> list[Outcome]:
-    """One outcome a learner; its last policies are judged by so many ``flights``, others by a tenth of them."""
+def run_case(case: Case, seed: int, flights: int = FLIGHTS) -> list[CaseResult]:
+    """One result per learner; its last policies are judged by so many ``flights``, others by a tenth of them.
+
+    Rates in [0, 1]: ``violation_rate`` and ``success_rate`` of the policies that theta and omega mean, also after each
+    closing round; ``actor_violation_rate`` and ``actor_success_rate`` of those that the learner itself found from theta
+    and omega of the iteration, where those are networks. ``consensus_theta``, ``consensus_omega``: largest distance of
+    a learner of the case from their mean; ``policy_distance``: largest total variation distance of two learners'
+    flights, in [0, 1]. ``peak_memory``: of the process that learned, with all learners of the case [MB].
+
+    Of the last parameters: ``omega[k]``; ``flights[j,t,i,x]``, places [m] of some flights, (SHOWN_FLIGHTS, T + 1, N_E,
+    2); ``pillar_inside[i,p]`` and ``pillar_rim[i,p]``, mean learned cost of where a drone would touch a pillar and of
+    that disc's rim; ``flown[i]``, mean learned cost along the demonstrations; ``pillar_dearer[i,p]``, do both cost more
+    than that; ``closeness[pair]``, by how much distances below the least cost more than that of drones far apart.
+    """
     learned = _learned(case, case.seeded(seed), flights)
     judgements = {name: _judgement(learned, name) for name in learned.history}
-    agreement = _agreement(learned, list(judgements.values()))
-    return [_outcome(learned, name, one, agreement) for name, one in judgements.items()]
+    agreement = list(_agreement(learned, list(judgements.values())))
+    return [
+        CaseResult(case.group, case.label, name, seed, [*_rows(learned, name, judgement), *agreement])
+        for name, judgement in judgements.items()
+    ]
 
 
-def _learned(case: Case, experiment: Experiment, flights: int) -> _Case:
+def _learned(case: Case, experiment: Experiment, flights: int) -> LearnedCase:
     game = drone_game(experiment)
     streams, actors = drawn_streams(experiment, game), defaultdict[str, list[Imitation]](list)
     networks = isinstance(experiment.algorithm.policy, SoftActorCriticSettings)
 
-    def judge_actor(one: Progress) -> None:  # now, because policies are too large to be kept
-        own = actors[one.name]
+    def judge_actor(update: Progress) -> None:  # now, because policies are too large to be kept
+        own = actors[update.name]
         count = flights if len(own) == experiment.iterations - 1 else flights // 10
-        own.append(drone_imitation(game, flights_of(experiment, game, one.policy, count)))
+        own.append(drone_imitation(game, flights_of(experiment, game, update.policy, count)))
 
     learned = learn(case, experiment, streams, judge_actor if networks else lambda _: None)
-    return _Case(case, experiment, game, streams, *learned, actors, peak_memory(), flights)
+    return LearnedCase(experiment, game, streams, *learned, actors, peak_memory(), flights)
 
 
 def peak_memory() -> float:
@@ -127,55 +97,59 @@ def peak_memory() -> float:
     return int(kibibytes) * 1024 / 1e6
 
 
-def _judgement(learned: _Case, name: str) -> Judgement:
+def _judgement(learned: LearnedCase, name: str) -> Judgement:
     """Of the policies that theta and omega mean."""
     experiment, game, parameters = learned.experiment, learned.game, learned.history[name]
     policy, imitations = policy_of(experiment, name, game), list[Imitation]()
-    for updates, one in enumerate(parameters):
+    for updates, known in enumerate(parameters):
         last = updates in {experiment.iterations, len(parameters) - 1}
-        flights = flights_of(experiment, game, policy(one), learned.flights if last else learned.flights // 10)
+        flights = flights_of(experiment, game, policy(known), learned.flights if last else learned.flights // 10)
         imitations.append(drone_imitation(game, flights))
     return Judgement(imitations, flights)
 
 
-def _agreement(learned: _Case, judgements: list[Judgement]) -> Agreement:
+def _agreement(learned: LearnedCase, judgements: list[Judgement]) -> Iterator[MetricsRow]:
+    """How far the learners of the case are apart, the same rows for each."""
     together = list(zip(*learned.history.values(), strict=True))
-    return Agreement(
-        [consensus_distance([one.theta for one in ones]) for ones in together],
-        [consensus_distance([one.omega for one in ones]) for ones in together],
-        flight_distance([place_visitation(learned.game, one.flights) for one in judgements]),
+    yield from curve(
+        "consensus_theta", [consensus_distance([known.theta for known in at_once]) for at_once in together]
     )
+    yield from curve(
+        "consensus_omega", [consensus_distance([known.omega for known in at_once]) for at_once in together]
+    )
+    places = [place_visitation(learned.game, judgement.flights) for judgement in judgements]
+    yield from entries(len(together) - 1, policy_distance=flight_distance(places))
 
 
-def _outcome(learned: _Case, name: str, judgement: Judgement, agreement: Agreement) -> Outcome:
-    game, omega, actors = learned.game, learned.history[name][-1].omega, learned.actors.get(name, [])
+def _rows(learned: LearnedCase, name: str, judgement: Judgement) -> Iterator[MetricsRow]:
+    progress, omega = learned.progress[name], learned.history[name][-1].omega
+    yield from _rates("", judgement.imitations)
+    yield from _rates("actor_", learned.actors.get(name, []))
+    yield from curve("seconds", [update.seconds for update in progress], first=1)
+    numbers = {"peak_memory": learned.peak_memory, **progress[-1].work._asdict()}
+    shown = learned.game.positions(judgement.flights.states[:SHOWN_FLIGHTS])
+    arrays = {"omega": omega, "flights": shown, **costs_of(learned.game, omega, learned.streams)}
+    rounded = {metric: np.round(values, DIGITS) for metric, values in arrays.items()}
+    yield from entries(len(judgement.imitations) - 1, **numbers, **rounded, pillar_dearer=dear_pillars(rounded))
+
+
+def _rates(whose: str, imitations: list[Imitation]) -> Iterator[MetricsRow]:
+    yield from curve(f"{whose}violation_rate", [imitation.violation_rate for imitation in imitations])
+    yield from curve(f"{whose}success_rate", [imitation.success_rate for imitation in imitations])
+
+
+def costs_of(game: WholeDroneGame, omega: Vector, streams: Streams) -> dict[str, Array]:
+    """What omega costs: ``pillar_inside``, ``pillar_rim`` (N_E, pillars), ``flown`` (N_E,), ``closeness`` (pairs,)."""
     inside, rim = pillar_costs(game, omega)
-    demonstrations = stacked([one for stream in learned.streams.values() for one in stream])
-    return Outcome(
-        learned.case.group,
-        learned.case.label,
-        name,
-        learned.experiment.seed,
-        *_rates(judgement.imitations),
-        *_rates(actors),
-        [one.seconds for one in learned.progress[name]],
-        *learned.progress[name][-1].work,
-        learned.peak_memory,
-        _rounded(omega),
-        _rounded(game.positions(judgement.flights.states[:SHOWN_FLIGHTS])),
-        _rounded(inside),
-        _rounded(rim),
-        _rounded(flown_costs(game, omega, demonstrations)),
-        _rounded(closeness_costs(game, omega)),
-        agreement.theta,
-        agreement.omega,
-        agreement.policy,
-    )
+    demonstrations = stacked([trajectories for stream in streams.values() for trajectories in stream])
+    return {
+        "pillar_inside": inside,
+        "pillar_rim": rim,
+        "flown": flown_costs(game, omega, demonstrations),
+        "closeness": closeness_costs(game, omega),
+    }
 
 
-def _rates(imitations: list[Imitation]) -> tuple[list[float], list[float]]:
-    return [one.violation_rate for one in imitations], [one.success_rate for one in imitations]
-
-
-def _rounded(values: Array) -> list[Any]:
-    return list(np.round(values, DIGITS).tolist())
+def dear_pillars(costs: Mapping[str, Array]) -> Mask:
+    """Do touching a pillar and its rim each cost more than the ways that a drone flew? (N_E, pillars)."""
+    return np.minimum(costs["pillar_inside"], costs["pillar_rim"]) > costs["flown"][:, None]

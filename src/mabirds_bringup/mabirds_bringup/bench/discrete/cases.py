@@ -14,6 +14,9 @@ VARIATIONS = "variations"
 HARD = "hard"
 """The group of the game with many starts."""
 
+AS_WRITTEN = "rollouts from the demonstrations' starts"
+"""The case of many starts that is as its experiment is written."""
+
 METHODS = ("bics", "ftl", "dlm", "me_greedy")
 
 
@@ -33,8 +36,7 @@ def _variations(main: Experiment) -> Iterator[Case]:
 
 
 def _hard_cases(hard: Experiment) -> Iterator[Case]:
-    for start in ("demonstration", "initial"):
-        label = {"demonstration": "rollouts from the demonstrations' starts", "initial": "rollouts from P_0"}[start]
+    for start, label in (("demonstration", AS_WRITTEN), ("initial", "rollouts from P_0")):
         yield Case(HARD, label, with_algorithm(hard, rollout_start=start))
 
 

@@ -1,19 +1,21 @@
 """The benchmark's pictures: the game (2a), learned policies and constraints (2b), rates against iterations (3), ROC."""
 
-from collections.abc import Sequence
+from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
+import polars as pl
 from matplotlib.figure import Figure
 
 from mabirds_bringup.bench.discrete.cases import HARD, MAIN, VARIATIONS
-from mabirds_bringup.bench.discrete.outcome import Outcome
-from mabirds_bringup.bench.figures import draw_band, save_all
-from mabirds_bringup.bench.tables import name_of
+from mabirds_bringup.bench.figures import rates_figure, save_all
+from mabirds_bringup.bench.frame import array_of, in_order, is_entry, name
+from mabirds_core.arrays import Vector
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_core.games.patrol.pictures import draw_map, draw_ways
@@ -21,20 +23,21 @@ from mabirds_core.games.patrol.study import patrol_game
 from mabirds_expert_player.recorder import expert_streams
 
 SHOWN_DEMONSTRATIONS = 12
+LEGEND: dict[str, Any] = {"loc": "outside right upper"}
 
 
-def save_figures(main: Experiment, hard: Experiment, outcomes: Sequence[Outcome], directory: Path) -> list[str]:
+def save_figures(main: Experiment, hard: Experiment, results: pl.DataFrame, directory: Path) -> list[str]:
     """Write the pictures of the groups that there are; returns their names."""
-    of = {group: [one for one in outcomes if one.group == group] for group in (MAIN, HARD, VARIATIONS)}
+    of = {group: results.filter(group=group).with_columns(name()) for group in (MAIN, HARD, VARIATIONS)}
     # All learners of all variations would hide one another; where they differ, the tables tell.
-    of[VARIATIONS] = [one for one in of[VARIATIONS] if one.learner == "learner_1"]
+    of[VARIATIONS] = of[VARIATIONS].filter(learner="learner_1")
     figures = {"game.png": game_figure(main), "game_many_starts.png": game_figure(hard)}
-    if of[MAIN]:
+    if len(of[MAIN]):
         figures["policies.png"] = policies_figure(patrol_game(main), of[MAIN])
         figures["roc.png"] = roc_figure(of[MAIN])
-    for group, name in ((MAIN, "rates.png"), (HARD, "rates_many_starts.png"), (VARIATIONS, "variations.png")):
-        if of[group]:
-            figures[name] = rates_figure(of[group])
+    for group, file in ((MAIN, "rates.png"), (HARD, "rates_many_starts.png"), (VARIATIONS, "variations.png")):
+        if len(of[group]):
+            figures[file] = rates_figure(of[group], "name", LEGEND)
     return save_all(figures, directory)
 
 
@@ -42,7 +45,7 @@ def game_figure(experiment: Experiment) -> Figure:
     """As Figure 2a: the map, starts and goals, and some demonstrations of each expert."""
     game = patrol_game(experiment)
     stream = next(iter(expert_streams(experiment, game).values()))
-    shown = [one for one, _ in zip(stream, range(SHOWN_DEMONSTRATIONS), strict=False)]
+    shown = list(islice(stream, SHOWN_DEMONSTRATIONS))
     figure, axes = plt.subplots(
         1, game.n_experts, figsize=(3 * game.n_experts, 3.2), squeeze=False, layout="constrained"
     )
@@ -54,57 +57,42 @@ def game_figure(experiment: Experiment) -> Figure:
     return figure
 
 
-def policies_figure(game: PatrolGame, outcomes: Sequence[Outcome]) -> Figure:
-    """As Figure 2b: a panel a method and expert for the first seed; blue visits, red crosses learned constraints."""
-    ones = [one for one in outcomes if one.seed == outcomes[0].seed]
-    size = (2.0 * len(ones), 2.3 * game.n_experts)
-    figure, axes = plt.subplots(game.n_experts, len(ones), figsize=size, squeeze=False, layout="constrained")
-    for one, column in zip(ones, axes.T, strict=True):
-        learned = np.isin(np.arange(len(game.cost_features.names)), one.learned)
+def policies_figure(game: PatrolGame, results: pl.DataFrame) -> Figure:
+    """As Figure 2b: a panel per method and expert for the first seed; blue visits, red crosses learned constraints."""
+    of_seed = results.filter(pl.col("seed") == pl.col("seed").first())
+    names = in_order(of_seed, "name")
+    size = (2.0 * len(names), 2.3 * game.n_experts)
+    figure, axes = plt.subplots(game.n_experts, len(names), figsize=size, squeeze=False, layout="constrained")
+    for title, column in zip(names, axes.T, strict=True):
+        own = of_seed.filter(name=title)
+        visited, learned = array_of(own, "visits"), array_of(own, "learned") > 0
         for expert, axis in enumerate(column):
             cells = slice(expert * game.n_cells, (expert + 1) * game.n_cells)
-            draw_map(axis, game, expert, np.array(one.visits[expert]), learned[cells])
-        column[0].set_title(name_of(one), fontsize=9)
+            draw_map(axis, game, expert, visited[expert], learned[cells])
+        column[0].set_title(title, fontsize=9)
     for expert, axis in enumerate(axes[:, 0]):
         axis.set_ylabel(f"expert {expert + 1}", fontsize=8)
     return figure
 
 
-def rates_figure(outcomes: Sequence[Outcome]) -> Figure:
-    """As Figure 3: SR and CVR against iterations; lines are means over seeds, bands their range."""
-    figure, (success, violation) = plt.subplots(1, 2, figsize=(10, 3.6), layout="constrained")
-    for name in dict.fromkeys(name_of(one) for one in outcomes):
-        ones = [one for one in outcomes if name_of(one) == name]
-        draw_band(success, name, [one.success_rate for one in ones])
-        draw_band(violation, name, [one.violation_rate for one in ones])
-    for axis, title in ((success, "success rate"), (violation, "constraint violation rate")):
-        axis.set(xlabel="iterations made, closing rounds last", ylabel=title, ylim=(-0.02, 1.02))
-    figure.legend(*success.get_legend_handles_labels(), fontsize=7, loc="outside right upper")
-    return figure
-
-
-def roc_figure(outcomes: Sequence[Outcome]) -> Figure:
+def roc_figure(results: pl.DataFrame) -> Figure:
     """FPR and FNR against the threshold, and against each other: what any choice of the threshold would give."""
     figure, (rates, roc) = plt.subplots(1, 2, figsize=(10, 3.6), layout="constrained")
-    for name in dict.fromkeys(name_of(one) for one in outcomes):
-        ones = [one for one in outcomes if name_of(one) == name]
-        thresholds, false_positive, false_negative = error_curves(ones)
-        line = rates.plot(thresholds, false_positive, label=name, linewidth=1.2)[0]
+    for title in in_order(results, "name"):
+        thresholds, false_positive, false_negative = error_curves(results.filter(name=title))
+        line = rates.plot(thresholds, false_positive, label=title, linewidth=1.2)[0]
         rates.plot(thresholds, false_negative, "--", color=line.get_color(), linewidth=1.2)
         roc.plot(false_positive, 1 - false_negative, color=line.get_color(), linewidth=1.2)
     rates.set(xscale="log", xlabel="threshold on -omega", ylabel="FPR (line), FNR (dashed)", ylim=(-0.02, 1.02))
     roc.set(xlabel="FPR", ylabel="1 - FNR", xlim=(-0.02, 0.5), ylim=(-0.02, 1.02))
-    figure.legend(*rates.get_legend_handles_labels(), fontsize=7, loc="outside right upper")
+    figure.legend(*rates.get_legend_handles_labels(), fontsize=7, **LEGEND)
     return figure
 
 
-def error_curves(outcomes: Sequence[Outcome]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Thresholds from 1e-4 to 100 with the mean FPR and FNR over the outcomes at each."""
+def error_curves(results: pl.DataFrame) -> tuple[Vector, Vector, Vector]:
+    """Thresholds from 1e-4 to 100 with the mean FPR and FNR over learners and seeds at each, all of one shape."""
     thresholds = np.logspace(-4, 2, 121)
-    harmless = np.array([one.cost_of_harmless for one in outcomes])
-    true = np.array([one.cost_of_true for one in outcomes])
-    return (
-        thresholds,
-        np.array([(harmless > threshold).mean() for threshold in thresholds]),
-        np.array([(true <= threshold).mean() for threshold in thresholds]),
+    harmless, true = (
+        results.filter(is_entry(costs))["value"].to_numpy()[:, None] for costs in ("cost_of_harmless", "cost_of_true")
     )
+    return thresholds, (harmless > thresholds).mean(axis=0), (true <= thresholds).mean(axis=0)
