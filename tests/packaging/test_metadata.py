@@ -120,3 +120,11 @@ def test_no_other_file_of_a_package_has_a_version() -> None:
     written = re.compile(r"""^_*version_*\s*=\s*["']""", re.MULTILINE)
     assert len(files) > 100
     assert [file for file in files if written.search(file.read_text(encoding="utf-8"))] == []
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_colcon_can_read_which_python_is_required(package: str) -> None:
+    """It takes literals alone, and setuptools makes an object of requires-python in pyproject.toml."""
+    assert "requires-python" not in metadata(package)
+    setup = (REPOSITORY / "src" / package / "setup.py").read_text(encoding="utf-8")
+    assert 'python_requires=">=3.11"' in setup
