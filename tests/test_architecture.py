@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import networkx as nx
 import pytest
 
 SOURCES = Path(__file__).resolve().parents[1] / "src"
@@ -106,27 +107,32 @@ def imports_within(package: str) -> dict[str, set[str]]:
     return {name: imported & found.keys() for name, imported in found.items()}
 
 
-def in_circles(imports: dict[str, set[str]]) -> set[str]:
-    """Modules that are left when those that import nothing which is left are taken away, again and again."""
-    left = dict(imports)
-    while free := [name for name, imported in left.items() if not imported & left.keys()]:
-        for name in free:
-            del left[name]
-    return set(left)
-
-
-def test_no_modules_of_the_learner_import_each_other_in_a_circle() -> None:
-    imports = imports_within("mabirds_learner")
-    assert imports["learner_node"] > {"strict_exchange", "push_sum_exchange", "learner_session"}
-    assert in_circles(imports) == set()
-    assert in_circles({**imports, "exchange": {"learner_node"}}) >= {"exchange", "learner_node", "strict_exchange"}
-
-
 def test_a_learners_process_does_not_load_what_it_does_not_need() -> None:
     loaded = loaded_by("import mabirds_learner.learner_node")
     assert {"mabirds_learner", "mabirds_core", "rclpy", "numpy"} <= loaded
     assert loaded.isdisjoint({"torch", "matplotlib", "rosbags", "scipy", "networkx", "typer", "rich"})
     assert loaded.isdisjoint({"mabirds_bringup", "mabirds_expert_player"})
+
+
+def test_an_experiment_loads_the_modules_of_its_own_game_alone() -> None:
+    file = SOURCES.parent / "ros_ws" / "config" / "patrol.yaml"
+    program = f"""
+import sys
+from pathlib import Path
+from mabirds_core.experiment.assembly import build_learner
+from mabirds_core.experiment.file import load_experiment
+build_learner(load_experiment(Path({str(file)!r})), "learner_1")
+games = {{name.split(".")[2:4] and ".".join(name.split(".")[2:4]) for name in sys.modules if ".games." in name}}
+print(*sorted(games))
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=True)
+    games = set(done.stdout.split())
+    assert {"patrol.game", "patrol.settings"} <= games
+    assert {name for name in games if name.startswith("drones.")} == {
+        "drones.kind",
+        "drones.settings",
+        "drones.planner_settings",
+    }
 
 
 def test_core_loads_without_ros() -> None:
@@ -151,3 +157,71 @@ def test_sessions_need_no_ros_at_all() -> None:
     sessions = ("learner_session", "strict_member", "push_sum_member", "central_session", "checkpoint")
     loaded = loaded_by("\n".join([hide, *(f"import mabirds_learner.{name}" for name in sessions)]))
     assert {root for root in loaded - loaded_by("") if ROS.fullmatch(root)} == absent
+
+
+def names_in(package: str) -> dict[str, Path]:
+    """Modules of a package by their dotted names."""
+    root = SOURCES / package
+    files = {path: path.relative_to(root).with_suffix("").parts for path in modules(package)}
+    return {".".join(parts[:-1] if parts[-1] == "__init__" else parts): path for path, parts in files.items()}
+
+
+def imports_of(source: str, known: set[str]) -> set[str]:
+    """The known modules that a source imports, wherever it does."""
+    imported = set[str]()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            imported |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            imported |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+    return imported & known
+
+
+def circles(graph: dict[str, set[str]]) -> list[set[str]]:
+    components = nx.strongly_connected_components(nx.DiGraph(graph))
+    return [component for component in components if len(component) > 1]
+
+
+def test_no_module_imports_itself_by_way_of_others() -> None:
+    found = {name: path for package in MAY_IMPORT for name, path in names_in(package).items()}
+    graph = {name: imports_of(text(path), set(found)) for name, path in found.items()}
+    assert circles(graph) == []
+
+
+def test_a_circle_of_imports_is_seen() -> None:
+    sources = {
+        "a.x": "from a import y",
+        "a.y": "def f():\n  from a.z import g",
+        "a.z": "import a.x",
+        "a.w": "import a.x",
+    }
+    assert circles({name: imports_of(source, set(sources)) for name, source in sources.items()}) == [
+        {"a.x", "a.y", "a.z"}
+    ]
+
+
+GAME_WORDS = re.compile(r"patrol|drone|pillar|pilot", re.IGNORECASE)
+SHIPPED_FILES = re.compile(r"ros_ws/config/\w+\.yaml|--bag bags/\w+")
+"""What examples of commands may name."""
+
+GAMES = ("mabirds_core/games/patrol/", "mabirds_core/games/drones/")
+STUDIES = ("bench/discrete/", "bench/continuous/", "commands/bench_")
+"""The paper's two experiments, each the study of its own game."""
+
+
+def naming_games(source: str) -> list[str]:
+    return [line for line in SHIPPED_FILES.sub("", source).splitlines() if GAME_WORDS.search(line)]
+
+
+def test_nothing_but_its_package_and_its_study_names_a_game() -> None:
+    others = (path for package in MAY_IMPORT for path in modules(package))
+    lines = {
+        str(path): naming_games(text(path)) for path in others if not any(own in str(path) for own in GAMES + STUDIES)
+    }
+    assert {path: found for path, found in lines.items() if found} == {}
+
+
+def test_a_games_name_is_seen() -> None:
+    assert naming_games('if kind == "drones":\n  pass\nmabirds run ros_ws/config/patrol.yaml') == [
+        'if kind == "drones":'
+    ]

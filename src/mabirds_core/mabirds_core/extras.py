@@ -6,7 +6,7 @@ from mabirds_core.errors import ExperimentError, MabirdsError
 
 
 def require(library: str, purpose: str, extra: str, error: type[MabirdsError] = ExperimentError) -> None:
-    """Raise ``error`` where ``library`` is not installed; ``extra``: what brings it, such as mabirds_core[drones].
+    """Raise ``error`` where ``library`` is not installed; ``extra``: what brings it, such as mabirds_core[report].
 
     Called before a library is imported, which may take its time.
     """

@@ -53,6 +53,8 @@ class Kind:
     """Of games: how they can be planned in ("tabular", ...). Of planners: which games they are made for; None: all."""
     check: Callable[..., None] | None = None
     """Of planners: ``check(settings, game)`` raises ExperimentError where the two do not fit."""
+    default: bool = False
+    """Whether settings that name no kind are of this one."""
 
 
 @dataclass(frozen=True)
@@ -105,15 +107,13 @@ def require(group: str, name: str) -> Kind:
 REMEDY = "; install the package that brings it (`mabirds kinds` lists what there is)"
 
 
-def union(group: str, default: str | None = None) -> Any:
-    """The type of a setting that may be of any kind of a group: a tagged union of their models.
-
-    ``default``: the kind of settings that name none.
-    """
+def union(group: str) -> Any:
+    """The type of a setting that may be of any kind of a group: a tagged union of their models."""
     members = {name: kind.settings for name, kind in kinds(group).items()}
     distinct = list(dict.fromkeys(members.values()))
     if len(distinct) == 1:  # pydantic tells several apart, and no single one
         return distinct[0]
+    default = next((name for name, kind in kinds(group).items() if kind.default), None)
     if default is None:
         return Annotated[reduce(or_, distinct), Field(discriminator="kind")]
     tagged = [Annotated[model, Tag(name)] for name, model in members.items()]

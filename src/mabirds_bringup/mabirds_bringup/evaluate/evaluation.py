@@ -45,7 +45,7 @@ class Evaluation:
 
 
 def evaluate(experiment: Experiment, history: History, on_row: Callable[[], None] = lambda: None) -> Evaluation:
-    """Judge theta(n), omega(n) of all learners, exactly or by flights; ``on_row`` is called after each."""
+    """Judge theta(n), omega(n) of all learners by the game's judge; ``on_row`` is called after each."""
     game = build_game(experiment)
     rows = []
     for name, parameters in history.items():

@@ -9,4 +9,4 @@ def build_step_sizes(settings: StepSizes) -> StepSizes:
     return settings
 
 
-PAPER = Kind(StepSizes, build_step_sizes)
+PAPER = Kind(StepSizes, build_step_sizes, default=True)

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     ScheduleSettings: TypeAlias = Any
     MixingSettings: TypeAlias = Any
 else:
-    GameSettings = union("mabirds.games", default="patrol")
+    GameSettings = union("mabirds.games")
     ScheduleSettings = union("mabirds.schedules")
     MixingSettings = union("mabirds.mixers")
 

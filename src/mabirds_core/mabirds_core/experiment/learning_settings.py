@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     RewardSettings: TypeAlias = Any
     PlannerSettings: TypeAlias = Any
 else:
-    StepRule = union("mabirds.step_rules", default="paper")
+    StepRule = union("mabirds.step_rules")
     RewardSettings = union("mabirds.rewards")
     PlannerSettings = union("mabirds.planners")
 

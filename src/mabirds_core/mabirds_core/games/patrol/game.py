@@ -5,10 +5,8 @@ stays for ever. Obstacle cells can be entered, which is what experts may not do.
 a cell nor swap cells. Cells are (row, column), row 0 at the top.
 """
 
-from collections.abc import Mapping
 from dataclasses import asdict
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +14,7 @@ from numpy.typing import NDArray
 from mabirds_core.arrays import Array, Indices, Mask, Vector, weighted_counts
 from mabirds_core.digest import trajectory_digest
 from mabirds_core.errors import ImpossibleTrajectoryError
-from mabirds_core.games.interface import Learned, Trajectories
+from mabirds_core.games.interface import Trajectories
 from mabirds_core.games.patrol.features import PatrolCostFeatures, PatrolRewardFeatures
 from mabirds_core.games.patrol.geometry import MOVE_NAMES, N_MOVES, PatrolGrid
 from mabirds_core.games.patrol.settings import PatrolSettings
@@ -145,9 +143,3 @@ class PatrolGame(EnumerableGame):
                 f"step {step}: expert {expert + 1} moves {MOVE_NAMES[moves[step, expert]]} from {here} and is then"
                 f" at {there}; the game allows only {should}"
             )
-
-    def figure(self, learned: Mapping[str, Learned], threshold: float, seed: int) -> Any:  # noqa: ARG002 - exact
-        """A map of each expert for each name: visits, and what counts as forbidden."""
-        from mabirds_core.games.patrol.pictures import map_figure  # matplotlib is for reports
-
-        return map_figure(self, learned, threshold)

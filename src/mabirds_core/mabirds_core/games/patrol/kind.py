@@ -6,9 +6,9 @@ from mabirds_core.registry import Kind
 
 def build_patrol(settings: PatrolSettings) -> object:
     """The game of the settings."""
-    from mabirds_core.games.patrol.game import PatrolGame  # only experiments with it need it
+    from mabirds_core.games.patrol.whole_game import WholePatrolGame  # only experiments with it need it
 
-    return PatrolGame(settings)
+    return WholePatrolGame(settings)
 
 
-PATROL = Kind(PatrolSettings, build_patrol, form="tabular")
+PATROL = Kind(PatrolSettings, build_patrol, form="tabular", default=True)

@@ -1,0 +1,17 @@
+"""The patrol game with its picture."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from mabirds_core.games.interface import Learned
+from mabirds_core.games.patrol.game import PatrolGame
+
+
+class WholePatrolGame(PatrolGame):
+    """``interface.Game`` of patrols."""
+
+    def figure(self, learned: Mapping[str, Learned], threshold: float, seed: int) -> Any:  # noqa: ARG002 - exact
+        """A map of each expert for each name: visits, and what counts as forbidden."""
+        from mabirds_core.games.patrol.pictures import map_figure  # matplotlib is for reports
+
+        return map_figure(self, learned, threshold)
