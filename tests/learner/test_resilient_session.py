@@ -161,6 +161,87 @@ def test_what_is_known_or_out_of_reach_is_not_taken(
     assert error.value.reason == reason
 
 
+@pytest.mark.parametrize(("epoch", "iteration"), [(1, 1), (1, 4), (1, 20), (2, 1), (2, 3), (17, 20)])
+def test_what_is_new_and_within_reach_is_kept(experiment: Experiment, epoch: int, iteration: int) -> None:
+    """Also at the very ends, and of another epoch whatever is known of this one."""
+    session = new_session(experiment, "learner_1")
+    total = RunningSum.zero(session.state.ledger.own.size)
+    session.receive_sum("learner_2", 1, 3, total)
+    session._taken_at["learner_4" if epoch > 1 else "learner_2"] = 0
+    session.receive_sum("learner_2", epoch, iteration, total)
+    assert iteration in session._inboxes[epoch]["learner_2"]
+
+
+def test_what_was_taken_last_is_old_in_its_epoch_only(experiment: Experiment, streams: Streams) -> None:
+    session = new_session(experiment, "learner_1")
+    total = RunningSum.zero(session.state.ledger.own.size)
+    session.receive_demonstration(1, streams["learner_1"][0])
+    session.receive_sum("learner_2", 1, 1, total)
+    session.stop_waiting()
+    session.step()
+    session.receive_sum("learner_2", 2, 1, total)
+    session.receive_sum("learner_2", 1, 2, total)
+    with pytest.raises(RefusedMessageError, match="iteration 1, expected more than 1, taken last") as error:
+        session.receive_sum("learner_2", 1, 1, total)
+    assert error.value.reason == "old_iteration"
+    session.receive_sum("learner_4", 1, 1, total)
+
+
+def some_sum(session: ResilientSession, value: float = 1.0) -> RunningSum:
+    size = session.state.ledger.own.size
+    return RunningSum.zero(size).plus(np.full(size, value))
+
+
+def test_of_several_sums_the_newest_that_is_due_is_taken(experiment: Experiment, streams: Streams) -> None:
+    session = new_session(experiment, "learner_1")
+    for n in (1, 2, 3):
+        session.receive_demonstration(n, streams["learner_1"][n - 1])
+    session.receive_sum("learner_2", 1, 1, some_sum(session, 0.1))
+    session.receive_sum("learner_2", 1, 3, some_sum(session, 0.3))
+    session.receive_sum("learner_4", 1, 3, some_sum(session, 0.4))
+    taken = []
+    while session.iteration <= 3:
+        session.stop_waiting()
+        assert session.ready
+        taken.append({name: value for name, value in session.step().items() if name.startswith("weight_taken")})
+    assert taken == [
+        {"weight_taken.learner_2": 0.1},
+        {"weight_taken.learner_2": 0.1},
+        {"weight_taken.learner_2": 0.3, "weight_taken.learner_4": 0.4},
+    ]
+    assert (session.mixed_from, session._taken_at) == (["learner_2", "learner_4"], {"learner_2": 3, "learner_4": 3})
+    assert not any(session._inbox.values())
+
+
+def test_a_neighbour_is_heard_once_something_of_this_iteration_or_a_later_one_came(experiment: Experiment) -> None:
+    session = new_session(experiment, "learner_1")
+    session.state = session.state._replace(learner=session.state.learner._replace(iteration=3))
+    session.receive_sum("learner_2", 1, 2, some_sum(session))
+    session.receive_sum("learner_4", 1, 4, some_sum(session))
+    assert (session.missing_neighbours(), session.lag) == (["learner_2"], 1)
+    session.receive_sum("learner_2", 1, 3, some_sum(session))
+    assert (session.missing_neighbours(), session.lag) == ([], 1)
+
+
+def test_the_lag_is_never_negative(experiment: Experiment) -> None:
+    session = new_session(experiment, "learner_1")
+    assert session.lag == 0
+    session.state = session.state._replace(learner=session.state.learner._replace(iteration=3))
+    session.receive_sum("learner_2", 1, 1, some_sum(session))
+    assert session.lag == 0
+
+
+def test_an_iteration_that_is_waited_for_no_longer_is_that_one_alone(experiment: Experiment, streams: Streams) -> None:
+    session = new_session(experiment, "learner_1")
+    session.receive_demonstration(1, streams["learner_1"][0])
+    session.stop_waiting()
+    session.step()
+    assert session.missing_neighbours() == ["learner_2", "learner_4"]
+    session.stop_waiting()
+    session.follow(2, list(reversed(NAMES)))
+    assert session.missing_neighbours() == ["learner_2", "learner_4"], "the epoch is another"
+
+
 def test_old_sums_make_room_for_new_ones(experiment: Experiment) -> None:
     session = new_session(experiment, "learner_1", history=5)
     size = session.state.ledger.own.size
