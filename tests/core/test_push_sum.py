@@ -49,6 +49,15 @@ def test_a_sum_that_has_grown_large_still_gives_small_differences() -> None:
     assert large.plus(np.array([1e-6])).since(large)[0] == pytest.approx(1e-6, rel=1e-9)
 
 
+def test_a_ledger_opens_with_the_estimate_and_the_weight_that_is_brought() -> None:
+    parameters = Parameters(np.array([2.0, -4.0]), np.array([6.0]))
+    assert opening(parameters).own.tolist() == [2, -4, 6, 1]
+    assert opening(parameters, weight=0.5).own.tolist() == [1, -2, 3, 0.5]
+    for weight in (1.0, 0.5):
+        estimate = opening(parameters, weight).estimate(2)
+        assert (estimate.theta.tolist(), estimate.omega.tolist()) == ([2, -4], [6])
+
+
 def total(ledgers: dict[str, Ledger]) -> Vector:
     """All mass there is: what learners hold and what is under way."""
     under_way = [

@@ -140,6 +140,14 @@ def test_the_flow_goes_around_the_shortest_cycle_of_every_edge() -> None:
     assert np.diag(weights) == pytest.approx(np.array([1, 1, 4, 4, 4]) / 7, abs=1e-15)
 
 
+def test_of_equally_short_cycles_the_one_through_the_first_learners_carries_the_flow() -> None:
+    """2 -> 3 lies on 2 3 0 2 and on 2 3 1 2; whoever computes the weights takes the same of the two."""
+    flow = {(2, 3): 5, (3, 0): 3, (0, 2): 3, (3, 1): 2, (1, 2): 2}
+    weights = doubly_stochastic_weights(4, [(3, 1), (3, 0), (1, 2), (2, 3), (0, 2)])
+    for (sender, receiver), share in flow.items():
+        assert weights[receiver, sender] == pytest.approx(share / 6, abs=1e-15)
+
+
 @given(graphs_with_weights)
 def test_the_order_and_repetition_of_edges_change_no_bit(graph: Graph) -> None:
     count, edges = graph

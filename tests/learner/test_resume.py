@@ -117,3 +117,16 @@ def test_what_lasts_of_a_checkpoint_is_no_place_to_go_on_from(experiment: Experi
     lasting = {name: values for name, values in a_checkpoint(experiment).items() if name in LASTING}
     with pytest.raises(CheckpointError, match="no checkpoint is whole"):
         new_session(experiment).resume({4: lasting})
+
+
+def test_it_goes_on_from_the_newest_that_is_whole_and_keeps_all_the_oldest_first(experiment: Experiment) -> None:
+    session, streams = new_session(experiment), demonstrations(experiment)
+    expected, checkpoints = simulate(experiment, streams), dict[int, dict[str, Array]]()
+    for _ in range(4):
+        advance(session, streams, expected)
+        checkpoints[session.iteration] = session.arrays()
+    checkpoints[5] = {name: checkpoints[5][name] for name in LASTING}
+    again = new_session(experiment)
+    again.resume({n: checkpoints[n] for n in (4, 2, 5, 3)})
+    assert (again.iteration, list(again.kept)) == (4, [2, 3, 4, 5])
+    assert bits(again.parameters) == bits(expected["learner_1"][3])

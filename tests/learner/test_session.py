@@ -96,11 +96,20 @@ def test_a_closed_edge_is_neither_waited_for_nor_mixed(make_experiment: Callable
 def test_parameters_for_an_edge_that_is_closed_are_not_kept(make_experiment: Callable[..., Path]) -> None:
     closed_first = {"kind": "slots", "slots": list(reversed(SLOTS["slots"]))}
     target = session(load_experiment(make_experiment(schedule=closed_first)))
-    target.receive_parameters(1, 1, target.parameters)
-    target.receive_parameters(1, 3, target.parameters)
+    for known in (target.parameters, Parameters(target.parameters.theta + 1, target.parameters.omega)):
+        target.receive_parameters(1, 1, known)
+        target.receive_parameters(1, 3, known)
     assert (target.lag, target.missing_neighbours()) == (0, [])
     target.receive_parameters(1, 2, target.parameters)
     assert target.lag == 1
+
+
+def test_parameters_of_no_iteration_are_refused_whatever_edge_would_be_open(
+    make_experiment: Callable[..., Path],
+) -> None:
+    target = session(load_experiment(make_experiment(schedule=SLOTS)))
+    with pytest.raises(RefusedMessageError, match="iteration 0, expected 1 or later"):
+        target.receive_parameters(1, 0, target.parameters)
 
 
 def test_parameters_that_arrive_for_a_closed_edge_change_nothing(make_experiment: Callable[..., Path]) -> None:
@@ -210,6 +219,7 @@ def test_as_many_iterations_are_kept_as_the_schedule_needs_and_256_at_least() ->
 def test_own_parameters_are_kept_for_neighbours_that_ask_again(experiment: Experiment) -> None:
     target = session(experiment, history=3)
     states = {1: target.state.parameters}
+    assert list(target.kept) == [1]
     for message in messages(experiment):
         deliver(target, *message)
         while target.ready:
