@@ -57,9 +57,15 @@ def test_a_learner_gives_its_out_neighbours_of_the_iteration_their_shares(
     weights, index = ann().schedule.weights(iteration), NAMES.index
     assert shares == pytest.approx({name: weights[index(name), 0] for name in shares})
     assert {name: given.total[-1] for name, given in state.ledger.given.items()} == pytest.approx(shares)
+    assert list(state.ledger.given) == list(shares)
     np.testing.assert_allclose(state.ledger.own, mass(state, kept))
     for name, share in shares.items():
         np.testing.assert_allclose(state.ledger.given[name].total, mass(state, share))
+
+
+def test_shares_are_given_in_the_order_of_the_learners() -> None:
+    everybody = build_resilient_learner(experiment({"learners": NAMES, "mixing": {"kind": "resilient"}}), "ann")
+    assert list(everybody.begin(begun().learner).ledger.given) == ["bob", "cid", "dee"]
 
 
 def test_a_learner_enters_with_weight_one() -> None:
