@@ -171,6 +171,12 @@ def test_in_neighbours_are_the_senders_of_the_edges_to_a_learner(schedule: EdgeS
         assert schedule.ever_in_neighbours(learner) == sorted(ever)
 
 
+def test_the_edges_of_all_slots_are_sorted_and_named_once() -> None:
+    assert TALKING.all_edges == [(0, 1), (0, 2), (1, 0), (1, 2), (2, 1)]
+    everything = both_ways(complete_edges(9))
+    assert EdgeSchedule(learners(9), (everything, everything)).all_edges == sorted(everything)
+
+
 def test_in_neighbours_by_hand() -> None:
     assert [TALKING.in_neighbours(1, n) for n in (1, 2, 3, 4)] == [[0, 2], [], [], [0, 2]]
     assert [TALKING.in_neighbours(2, n) for n in (1, 2, 3, 4)] == [[], [], [0, 1], []]

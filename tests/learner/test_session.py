@@ -196,6 +196,7 @@ def test_no_demonstration_past_the_last_one_or_the_history_is_kept(experiment: E
         at = len(accepted) + 1
         target = StrictSession(build_learner(experiment, "learner_1"), experiment.iterations, 4, 64, closing_rounds=2)
         target.state = target.state._replace(iteration=at)
+        assert target.missing_demonstration == (at <= experiment.iterations)
         accepted.append([n for n in range(at, 12) if is_kept(target, n, trajectory)])
         assert target.backlog == len(accepted[-1])
     assert accepted == [[1, 2, 3, 4], [2, 3, 4, 5], [3, 4, 5, 6], [4, 5, 6], [5, 6], [6], [], []]
