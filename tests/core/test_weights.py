@@ -101,6 +101,11 @@ def test_the_refusal_names_the_edge_and_the_missing_way_back() -> None:
         doubly_stochastic_weights(3, [(0, 1), (1, 0), (1, 2)], ["a", "b", "c"])
 
 
+def test_of_several_such_edges_the_first_is_named() -> None:
+    with pytest.raises(ScheduleError, match="edge a -> c lies on no directed cycle"):
+        doubly_stochastic_weights(4, [(3, 2), (1, 3), (0, 2)], list("abcd"))
+
+
 def test_the_refusal_numbers_learners_without_names() -> None:
     with pytest.raises(ScheduleError, match="edge 0 -> 1 lies"):
         doubly_stochastic_weights(2, [(0, 1)])
