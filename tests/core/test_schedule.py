@@ -177,6 +177,14 @@ def test_the_edges_of_all_slots_are_sorted_and_named_once() -> None:
     assert EdgeSchedule(learners(9), (everything, everything)).all_edges == sorted(everything)
 
 
+def test_nothing_hangs_on_the_order_in_which_edges_are_stored() -> None:
+    edges = sorted(both_ways(complete_edges(9)))
+    one, other = (EdgeSchedule(learners(9), (frozenset(order),)) for order in (edges, reversed(edges)))
+    assert one.digest == other.digest
+    assert one.ever_in_neighbours(4) == other.in_neighbours(4, 1) == [0, 1, 2, 3, 5, 6, 7, 8]
+    assert EdgeSchedule(learners(9), (both_ways([(0, 8), (0, 1)]),)).ever_in_neighbours(0) == [1, 8]
+
+
 def test_in_neighbours_by_hand() -> None:
     assert [TALKING.in_neighbours(1, n) for n in (1, 2, 3, 4)] == [[0, 2], [], [], [0, 2]]
     assert [TALKING.in_neighbours(2, n) for n in (1, 2, 3, 4)] == [[], [], [0, 1], []]
