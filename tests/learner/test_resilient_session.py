@@ -136,6 +136,13 @@ def test_only_a_neighbour_that_is_there_is_waited_for(experiment: Experiment) ->
     assert session.missing_neighbours() == []
 
 
+def test_a_learner_waits_for_whom_it_hears_and_tells_who_hears_it(make_experiment: Callable[..., Path]) -> None:
+    change = {"mixing": {"kind": "resilient"}}
+    settings = load_experiment(make_experiment(learners=4, schedule={"kind": "directed_ring"}, change=change))
+    session = new_session(settings, "learner_1")
+    assert (session.missing_neighbours(), list(session.given())) == (["learner_4"], ["learner_2"])
+
+
 @pytest.mark.parametrize(
     ("epoch", "iteration", "reason"),
     [
