@@ -243,7 +243,11 @@ def test_weights_that_break_assumption_3_are_refused_by_slot(
 def test_sums_that_are_off_by_rounding_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     almost = np.array([[0.5, 0.5 + 2**-42], [0.5, 0.5]])
     monkeypatch.setattr(schedule_module, "doubly_stochastic_weights", lambda *_: almost)
-    assert validate(EdgeSchedule(("a", "b"), (both_ways([(0, 1)]),))).largest_sum_error == 2**-42
+    pair = both_ways([(0, 1)])
+    assert validate(EdgeSchedule(("a", "b"), (pair,))).largest_sum_error == 2**-42
+    different = iter([almost, np.full((2, 2), 0.5)])
+    monkeypatch.setattr(schedule_module, "doubly_stochastic_weights", lambda *_: next(different))
+    assert validate(EdgeSchedule(("a", "b"), (pair, pair))).largest_sum_error == 2**-42
 
 
 @pytest.mark.parametrize(
@@ -286,6 +290,8 @@ def test_validate_reports_the_window_and_the_smallest_weight() -> None:
     report = validate(schedule)
     assert report.window == 2
     assert report.smallest_weight == pytest.approx(1 / 4)
+    other_way_round = EdgeSchedule(learners(4), tuple(reversed(schedule.slots)))
+    assert validate(other_way_round).smallest_weight == report.smallest_weight
 
 
 @given(schedules(), schedules())

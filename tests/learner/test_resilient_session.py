@@ -179,6 +179,14 @@ def test_what_is_new_and_within_reach_is_kept(experiment: Experiment, epoch: int
     assert iteration in session._inboxes[epoch]["learner_2"]
 
 
+@pytest.mark.parametrize("epoch", [1, 2])
+def test_iterations_begin_with_one(experiment: Experiment, epoch: int) -> None:
+    session = new_session(experiment, "learner_1")
+    with pytest.raises(RefusedMessageError, match="iteration 0, expected more than 0") as error:
+        session.receive_sum("learner_4", epoch, 0, some_sum(session))
+    assert error.value.reason == "old_iteration"
+
+
 def test_what_was_taken_last_is_old_in_its_epoch_only(experiment: Experiment, streams: Streams) -> None:
     session = new_session(experiment, "learner_1")
     total = RunningSum.zero(session.state.ledger.own.size)
