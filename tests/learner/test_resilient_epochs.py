@@ -82,6 +82,17 @@ def test_a_newcomer_waits_for_a_declaration_and_then_for_a_gift(experiment: Expe
     assert session.missing_neighbours() == ["learner_1", "learner_3"]
 
 
+def test_a_newcomer_learns_from_the_demonstrations_from_where_it_begins(
+    experiment: Experiment, streams: Streams
+) -> None:
+    session = new_session(experiment, "learner_4", newcomer=True)
+    for n in (4, 6, 7, 8):
+        session.receive_demonstration(n, streams["learner_4"][n - 1])
+    session.follow(2, NAMES)
+    session.receive_sum("learner_3", 2, 7, some_sum(session))
+    assert (session.iteration, session.backlog, session.missing_demonstration) == (7, 2, False)
+
+
 def test_a_newcomer_joins_at_once_by_what_came_before_its_declaration(experiment: Experiment) -> None:
     session = new_session(experiment, "learner_4", newcomer=True)
     session.receive_sum("learner_3", 3, 4, some_sum(session))
