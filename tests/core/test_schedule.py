@@ -72,7 +72,7 @@ def test_the_refusal_names_learners_that_never_hear_of_each_other(schedule: Edge
         smallest_window(schedule)
     message = str(caught.value)
     silent = [
-        f"nothing that {schedule.learners[u]} knows ever reaches {schedule.learners[v]}:"
+        f"nothing that {schedule.learners[u]} knows ever reaches {schedule.learners[v]}: the union of all slots is not"
         for u in union
         for v in union
         if not nx.has_path(union, u, v)

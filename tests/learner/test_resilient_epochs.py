@@ -38,8 +38,9 @@ def new_session(experiment: Experiment, name: str, *, newcomer: bool = False) ->
 
 
 def some_sum(session: ResilientSession, value: float = 1.0) -> RunningSum:
-    size = session.state.ledger.own.size
-    return RunningSum.zero(size).plus(np.full(size, value))
+    """Of weight ``value``, and theta and omega of sevens."""
+    own = session.state.ledger.own
+    return RunningSum.zero(own.size).plus(np.append(np.full(own.size - 1, 7 * value), value))
 
 
 def test_a_founder_takes_part_at_once(experiment: Experiment) -> None:

@@ -203,8 +203,9 @@ def test_what_was_taken_last_is_old_in_its_epoch_only(experiment: Experiment, st
 
 
 def some_sum(session: ResilientSession, value: float = 1.0) -> RunningSum:
-    size = session.state.ledger.own.size
-    return RunningSum.zero(size).plus(np.full(size, value))
+    """Of weight ``value``, and theta and omega of sevens."""
+    own = session.state.ledger.own
+    return RunningSum.zero(own.size).plus(np.append(np.full(own.size - 1, 7 * value), value))
 
 
 def test_of_several_sums_the_newest_that_is_due_is_taken(experiment: Experiment, streams: Streams) -> None:
