@@ -2,6 +2,7 @@
 
 import os
 import signal
+import stat
 import subprocess
 import sys
 from collections.abc import Callable
@@ -10,6 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from safetensors import safe_open
+from safetensors.numpy import save_file
 
 from mabirds_core.arrays import Array
 from mabirds_core.errors import CheckpointError
@@ -70,7 +73,74 @@ def test_a_damaged_older_one_is_left_for_whoever_loads_it(tmp_path: Path) -> Non
 
 
 def test_an_empty_directory_has_none(tmp_path: Path) -> None:
-    assert reopened(tmp_path / "new").load() == {}
+    store = reopened(tmp_path / "several" / "new" / "ones")
+    assert store.refused == []
+    assert store.load() == {}
+    assert store.refused == []
+
+
+def test_what_is_wrong_is_said_once_however_often_they_are_loaded(directory: Path) -> None:
+    for number in (3, 5, 4):
+        cut_short(directory / f"0000000{number}.safetensors")
+    store = reopened(directory)
+    for _ in range(2):
+        assert list(store.load()) == [6]
+        assert [words[:8] for words in store.refused] == ["00000003", "00000004", "00000005"]
+
+
+@pytest.mark.parametrize("keep", [1, 2, 3, 4, 5])
+def test_as_many_stay_as_were_asked_for_and_three_of_them_whole(tmp_path: Path, keep: int) -> None:
+    store = CheckpointStore(tmp_path, OWNER, keep)
+    for iteration in range(1, 8):
+        store.save(iteration, {**arrays(iteration), "mixed_from": np.zeros(1)})
+    whole = {n: "mixed_from" in content for n, content in store.load().items()}
+    assert whole == {n: n > 4 for n in range(8 - keep, 8)}
+
+
+def test_what_is_saved_is_on_the_disk_before_it_has_its_name(directory: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Content first, then its place in the directory; and no file is left open."""
+    synced, sync, target = [], os.fsync, directory / "00000007.safetensors"
+
+    def record(descriptor: int) -> None:
+        status = os.fstat(descriptor)
+        synced.append((stat.S_ISDIR(status.st_mode), status.st_ino, status.st_size, target.exists()))
+        sync(descriptor)
+
+    store = CheckpointStore(directory, OWNER, keep=10)
+    open_before = len(list(Path("/proc/self/fd").iterdir()))
+    monkeypatch.setattr(os, "fsync", record)
+    store.save(7, arrays(7))
+    assert len(list(Path("/proc/self/fd").iterdir())) == open_before
+    (is_directory, number, size, named), (is_directory_then, directory_number, _, named_then) = synced
+    assert (is_directory, number, size, named) == (False, target.stat().st_ino, target.stat().st_size, False)
+    assert (is_directory_then, directory_number, named_then) == (True, directory.stat().st_ino, True)
+
+
+def test_a_file_that_does_not_say_whose_it_is_is_refused(directory: Path) -> None:
+    save_file(arrays(7), directory / "00000007.safetensors")
+    store = reopened(directory)
+    assert max(store.load()) == 6
+    assert store.refused == ["00000007.safetensors: format is None, expected 'mabirds-checkpoint-1'"]
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"theta": np.arange(5.0).reshape(5, 1), "omega": np.ones(3)},
+        {"theta": np.arange(5.0).view(np.int64), "omega": np.ones(3)},
+        {"omega": np.arange(5.0), "theta": np.ones(3)},
+        {"theta": np.arange(5.0), "omega": np.ones(3), "policy": np.empty(0)},
+    ],
+    ids=["shape", "type", "names", "one more"],
+)
+def test_the_same_numbers_as_something_else_are_noticed(tmp_path: Path, changed: dict[str, Array]) -> None:
+    store = reopened(tmp_path)
+    store.save(1, {"theta": np.arange(5.0), "omega": np.ones(3)})
+    with safe_open(tmp_path / "00000001.safetensors", framework="numpy") as content:
+        metadata = content.metadata()
+    save_file(changed, tmp_path / "00000001.safetensors", metadata)
+    with pytest.raises(CheckpointError, match="00000001.safetensors: sha256 is "):
+        store.load()
 
 
 def cut_short(file: Path) -> None:

@@ -7,18 +7,17 @@ from typing import Any
 import numpy as np
 import pytest
 from identity import bits
+from sessions import Streams, demonstrations
 
 from mabirds_core.arrays import Array
 from mabirds_core.errors import CheckpointError, MabirdsError
-from mabirds_core.experiment.assembly import build_game, build_learner
+from mabirds_core.experiment.assembly import build_learner
 from mabirds_core.experiment.file import Experiment, load_experiment
 from mabirds_core.experiment.simulate import History, simulate
-from mabirds_core.games.interface import Trajectories
 from mabirds_learner.checkpoint import LASTING
 from mabirds_learner.learner_session import LearnerSession
 from mabirds_learner.member import Limits
 from mabirds_learner.strict_member import StrictMember
-from mabirds_msgs_py.bag_reader import DemonstrationBag
 
 CHANGES: dict[str, dict[str, Any]] = {
     "as it is": {},
@@ -33,12 +32,7 @@ def new_session(experiment: Experiment) -> LearnerSession[StrictMember]:
     return LearnerSession(StrictMember(build_learner(experiment, "learner_1"), limits))
 
 
-def demonstrations(experiment: Experiment) -> dict[str, list[Trajectories]]:
-    with DemonstrationBag(experiment.demonstrations.bag, build_game(experiment), experiment.learners) as bag:
-        return {name: list(bag.trajectories(name)) for name in experiment.learners}
-
-
-def advance(session: LearnerSession[StrictMember], streams: dict[str, list[Trajectories]], expected: History) -> None:
+def advance(session: LearnerSession[StrictMember], streams: Streams, expected: History) -> None:
     """One update with what learner_2 and the player would have sent."""
     n = session.iteration
     session.receive_demonstration(n, streams["learner_1"][n - 1])
@@ -120,3 +114,16 @@ def test_what_lasts_of_a_checkpoint_is_no_place_to_go_on_from(experiment: Experi
     lasting = {name: values for name, values in a_checkpoint(experiment).items() if name in LASTING}
     with pytest.raises(CheckpointError, match="no checkpoint is whole"):
         new_session(experiment).restore({4: lasting})
+
+
+def test_it_goes_on_from_the_newest_that_is_whole_and_keeps_all_the_oldest_first(experiment: Experiment) -> None:
+    session, streams = new_session(experiment), demonstrations(experiment)
+    expected, checkpoints = simulate(experiment, streams), dict[int, dict[str, Array]]()
+    for _ in range(4):
+        advance(session, streams, expected)
+        checkpoints[session.iteration] = session.arrays()
+    checkpoints[5] = {name: checkpoints[5][name] for name in LASTING}
+    again = new_session(experiment)
+    again.restore({n: checkpoints[n] for n in (4, 2, 5, 3)})
+    assert (again.iteration, list(again.kept)) == (4, [2, 3, 4, 5])
+    assert bits(again.parameters) == bits(expected["learner_1"][3])

@@ -2,24 +2,26 @@
 
 import random
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext, suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from sessions import demonstrations
 
 from mabirds_core.algorithm.parameters import Parameters
-from mabirds_core.consensus.schedule import EdgeSchedule, smallest_window
+from mabirds_core.consensus.schedule import EdgeSchedule, both_ways, smallest_window
+from mabirds_core.consensus.weights import Edge
 from mabirds_core.errors import RefusedMessageError, ScheduleError
-from mabirds_core.experiment.assembly import build_game, build_learner
+from mabirds_core.experiment.assembly import build_learner
 from mabirds_core.experiment.file import Experiment, load_experiment
 from mabirds_core.experiment.simulate import simulate
 from mabirds_core.games.interface import Trajectories
 from mabirds_learner.learner_session import DEMONSTRATION, LearnerSession
 from mabirds_learner.member import Limits
-from mabirds_learner.strict_member import StrictMember
-from mabirds_msgs_py.bag_reader import DemonstrationBag
+from mabirds_learner.strict_member import StrictMember, default_history, longest_lead
 
 SLOTS = {"kind": "slots", "slots": [[["learner_1", "learner_2"], ["learner_2", "learner_1"]], []]}
 
@@ -27,11 +29,6 @@ SLOTS = {"kind": "slots", "slots": [[["learner_1", "learner_2"], ["learner_2", "
 def session(experiment: Experiment, name: str = "learner_1", history: int = 64) -> LearnerSession[StrictMember]:
     limits = Limits(experiment.iterations, 10, history)
     return LearnerSession(StrictMember(build_learner(experiment, name), limits))
-
-
-def demonstrations(experiment: Experiment) -> dict[str, list[Trajectories]]:
-    with DemonstrationBag(experiment.demonstrations.bag, build_game(experiment), experiment.learners) as bag:
-        return {name: list(bag.trajectories(name)) for name in experiment.learners}
 
 
 def messages(experiment: Experiment) -> Iterator[tuple[str, int, object]]:
@@ -92,6 +89,25 @@ def test_a_closed_edge_is_neither_waited_for_nor_mixed(make_experiment: Callable
     assert mixed == [["learner_2"], []] * (experiment.iterations // 2)
 
 
+def test_parameters_for_an_edge_that_is_closed_are_not_kept(make_experiment: Callable[..., Path]) -> None:
+    closed_first = {"kind": "slots", "slots": list(reversed(SLOTS["slots"]))}
+    target = session(load_experiment(make_experiment(schedule=closed_first)))
+    for known in (target.parameters, Parameters(target.parameters.theta + 1, target.parameters.omega)):
+        target.member.receive_parameters("learner_2", 1, known)
+        target.member.receive_parameters("learner_2", 3, known)
+    assert (target.lag, target.missing_neighbours()) == (0, [])
+    target.member.receive_parameters("learner_2", 2, target.parameters)
+    assert target.lag == 1
+
+
+def test_parameters_of_no_iteration_are_refused_whatever_edge_would_be_open(
+    make_experiment: Callable[..., Path],
+) -> None:
+    target = session(load_experiment(make_experiment(schedule=SLOTS)))
+    with pytest.raises(RefusedMessageError, match="iteration 0, expected 1 or later"):
+        target.member.receive_parameters("learner_2", 0, target.parameters)
+
+
 def test_parameters_that_arrive_for_a_closed_edge_change_nothing(make_experiment: Callable[..., Path]) -> None:
     experiment = load_experiment(make_experiment(schedule=SLOTS))
     targets = session(experiment), session(experiment)
@@ -121,14 +137,87 @@ def test_what_does_not_fit_is_refused_by_name(experiment: Experiment, iteration:
     assert target.backlog == 1
 
 
+@pytest.mark.parametrize(
+    ("iteration", "reason"),
+    [
+        (0, "old_iteration"),
+        (1, "old_iteration"),
+        (2, None),
+        (3, "duplicate"),
+        (6, None),
+        (7, "future_iteration"),
+        (2**64 - 1, "future_iteration"),
+    ],
+)
+def test_parameters_that_do_not_fit_are_refused_by_name(
+    experiment: Experiment, iteration: int, reason: str | None
+) -> None:
+    target, everything = session(experiment, history=5), list(messages(experiment))
+    for message in everything[:2]:
+        deliver(target, *message)
+    target.step()
+    known = target.parameters
+    target.member.receive_parameters("learner_2", 3, known)
+    with pytest.raises(RefusedMessageError) if reason else nullcontext() as refused:
+        target.member.receive_parameters("learner_2", iteration, known)
+    assert refused is None or refused.value.reason == reason
+    assert target.lag == (4 if iteration == 6 else 1)
+
+
+def test_the_first_parameters_of_an_iteration_stay(experiment: Experiment) -> None:
+    target, ((_, _, demonstration), (_, _, sent), *_) = session(experiment), list(messages(experiment))
+    assert isinstance(sent, Parameters)
+    deliver(target, DEMONSTRATION, 1, demonstration)
+    deliver(target, "learner_2", 1, sent)
+    with pytest.raises(RefusedMessageError) as refused:
+        target.member.receive_parameters("learner_2", 1, Parameters(sent.theta + 1, sent.omega))
+    assert refused.value.reason == "conflict"
+    target.step()
+    expected = simulate(experiment, demonstrations(experiment))["learner_1"][1]
+    assert target.parameters.theta.tobytes() == expected.theta.tobytes()
+
+
+def is_kept(target: LearnerSession[StrictMember], iteration: int, trajectory: Trajectories) -> bool:
+    with suppress(RefusedMessageError):
+        target.receive_demonstration(iteration, trajectory)
+        return True
+    return False
+
+
+def test_no_demonstration_past_the_last_one_or_the_history_is_kept(experiment: Experiment) -> None:
+    """Of six iterations with room for four: at first 1 to 4, and near the end no more than there are."""
+    trajectory = demonstrations(experiment)["learner_1"][0]
+    accepted = []
+    for _ in range(experiment.iterations + 2):
+        at = len(accepted) + 1
+        limits = Limits(experiment.iterations, 4, 64, closing_rounds=2)
+        target = LearnerSession(StrictMember(build_learner(experiment, "learner_1"), limits))
+        target.member.state = target.state._replace(iteration=at)
+        assert target.missing_demonstration == (at <= experiment.iterations)
+        accepted.append([n for n in range(at, 12) if is_kept(target, n, trajectory)])
+        assert target.backlog == len(accepted[-1])
+    assert accepted == [[1, 2, 3, 4], [2, 3, 4, 5], [3, 4, 5, 6], [4, 5, 6], [5, 6], [6], [], []]
+
+
 def test_a_history_shorter_than_a_neighbours_lead_is_refused(experiment: Experiment) -> None:
     with pytest.raises(ScheduleError, match="parameter_history 1: .* set at least 2"):
         session(experiment, history=1)
+    assert session(experiment, history=2).missing_neighbours() == ["learner_2"]
+
+
+def test_as_many_iterations_are_kept_as_the_schedule_needs_and_256_at_least() -> None:
+    pair, nothing = both_ways([(0, 1)]), frozenset[Edge]()
+    rare = EdgeSchedule(("a", "b"), (pair, *[nothing] * 255))
+    rarer = EdgeSchedule(("a", "b"), (pair, *[nothing] * 299))
+    three = EdgeSchedule(("a", "b", "c"), (both_ways([(0, 1)]), both_ways([(1, 2)]), nothing))
+    assert [longest_lead(schedule) for schedule in (three, rare, rarer)] == [6, 256, 300]
+    assert [default_history(schedule) for schedule in (three, rare, rarer)] == [256, 257, 301]
 
 
 def test_own_parameters_are_kept_for_neighbours_that_ask_again(experiment: Experiment) -> None:
     target = session(experiment, history=3)
     states = {1: target.state.parameters}
+    assert list(target.kept) == [1]
     for message in messages(experiment):
         deliver(target, *message)
         while target.ready:
@@ -191,3 +280,12 @@ def test_the_lag_is_how_far_a_neighbour_is_ahead(experiment: Experiment) -> None
     target.member.receive_parameters("learner_2", 4, target.state.parameters)
     target.member.receive_parameters("learner_2", 1, target.state.parameters)
     assert target.lag == 3
+
+
+def test_what_served_an_update_is_dropped(experiment: Experiment) -> None:
+    target, everything = session(experiment), list(messages(experiment))
+    for message in everything[:3]:
+        deliver(target, *message)
+    assert (target.backlog, target.lag) == (2, 0)
+    target.step()
+    assert (target.backlog, target.lag, target.waiting_for()) == (1, 0, ["learner_2"])

@@ -1,5 +1,6 @@
 """What a process sets before it uses ROS, and what it leaves to the user."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -81,6 +82,28 @@ def test_fast_dds_takes_the_profile_without_a_word() -> None:
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=30, check=True)
     assert done.stdout + done.stderr == ""
+
+
+CALLER = {
+    "CYCLONEDDS_URI": "file:///of/the/caller.xml",
+    "FASTDDS_BUILTIN_TRANSPORTS": "LARGE_DATA",
+    "FASTDDS_DEFAULT_PROFILES_FILE": "/of/the/caller.xml",
+    "FASTRTPS_DEFAULT_PROFILES_FILE": "/of/the/caller.xml",
+    "RMW_IMPLEMENTATION": "rmw_of_the_caller",
+    "ROS_DOMAIN_ID": "of the caller",
+    "ROS_LOCALHOST_ONLY": "1",
+    "ROS_SECURITY_ENABLE": "true",
+    "ROS_STATIC_PEERS": "192.0.2.1",
+}
+"""What somebody who runs the tests may have set for other uses of ROS."""
+
+
+def test_what_the_caller_chose_does_not_reach_the_tests() -> None:
+    name = test_fast_dds_takes_the_profile_without_a_word.__name__
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", f"{__file__}::{name}"]
+    environment = {**os.environ, **CALLER}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_the_profile_is_installed_with_the_package(tmp_path: Path) -> None:

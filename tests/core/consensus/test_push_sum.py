@@ -50,6 +50,15 @@ def test_a_sum_that_has_grown_large_still_gives_small_differences() -> None:
     assert large.plus(np.array([1e-6])).since(large)[0] == pytest.approx(1e-6, rel=1e-9)
 
 
+def test_push_sum_begins_with_the_estimate_and_the_weight_that_is_brought() -> None:
+    parameters = Parameters(np.array([2.0, -4.0]), np.array([6.0]))
+    assert PushSumState.init(parameters).mass.tolist() == [2, -4, 6, 1]
+    assert PushSumState.init(parameters, initial_weight=0.5).mass.tolist() == [1, -2, 3, 0.5]
+    for weight in (1.0, 0.5):
+        estimate = PushSumState.init(parameters, weight).estimate()
+        assert (estimate.theta.tolist(), estimate.omega.tolist()) == ([2, -4], [6])
+
+
 def total(states: dict[str, PushSumState]) -> Vector:
     """All mass there is: what learners hold and what is under way."""
     under_way = [

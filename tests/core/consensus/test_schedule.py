@@ -1,5 +1,9 @@
 """Edge schedules: Assumption 2 against networkx by brute force, Assumption 3, neighbours and digests."""
 
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import get_args
+
 import networkx as nx
 import numpy as np
 import pytest
@@ -7,8 +11,19 @@ from graphs import Graph, digraphs, network, schedules
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from mabirds_core.consensus import schedule as schedule_module
 from mabirds_core.consensus.generators import alternating_ring, complete_edges, ring_edges, static
-from mabirds_core.consensus.schedule import EdgeSchedule, both_ways, smallest_window, unreachable, validate
+from mabirds_core.consensus.schedule import (
+    EdgeSchedule,
+    End,
+    both_ways,
+    contraction,
+    delivered_edges,
+    require_size,
+    smallest_window,
+    unreachable,
+    validate,
+)
 from mabirds_core.consensus.weights import Edge
 from mabirds_core.errors import ScheduleError
 
@@ -57,12 +72,48 @@ def test_the_refusal_names_learners_that_never_hear_of_each_other(schedule: Edge
         smallest_window(schedule)
     message = str(caught.value)
     silent = [
-        f"nothing that {schedule.learners[u]} knows ever reaches {schedule.learners[v]}:"
+        f"nothing that {schedule.learners[u]} knows ever reaches {schedule.learners[v]}: the union of all slots is not"
         for u in union
         for v in union
         if not nx.has_path(union, u, v)
     ]
     assert any(message.startswith(opening) for opening in silent)
+
+
+@st.composite
+def connected_schedules(draw: st.DrawFn) -> EdgeSchedule:
+    """One to five slots of undirected edges among one to four learners, with any end, that connect all in time."""
+    count = draw(st.integers(1, 4))
+    pairs = complete_edges(count)
+    some = st.frozensets(st.sampled_from(pairs)) if pairs else st.just(frozenset[Edge]())
+    *first, last = draw(st.lists(some, min_size=1, max_size=5))
+    end: End = draw(st.sampled_from(get_args(End)))
+    closing = last | set(ring_edges(count)) if end == "hold" or not draw(st.booleans()) else last
+    schedule = EdgeSchedule(learners(count), tuple(map(both_ways, map(sorted, [*first, closing]))), end)
+    assume(unreachable(count, frozenset(schedule.all_edges)) is None)
+    return schedule
+
+
+def windows(schedule: EdgeSchedule, length: int) -> Iterator[range]:
+    """All windows of that many iterations; of a schedule without end those that begin in its first three rounds."""
+    period = len(schedule.slots)
+    last = period - length + 1 if schedule.end == "stop" else 3 * period
+    return (range(n, n + length) for n in range(1, last + 1))
+
+
+@given(connected_schedules())
+def test_window_and_contraction_are_those_of_brute_force_whatever_follows_the_last_slot(schedule: EdgeSchedule) -> None:
+    def connects(window: range) -> bool:
+        union = frozenset().union(*(schedule.edges(n) for n in window))
+        return nx.is_strongly_connected(network((len(schedule.learners), union)))
+
+    lengths = range(1, len(schedule.slots) + 1)
+    smallest = next(length for length in lengths if all(map(connects, windows(schedule, length))))
+    report = validate(schedule)
+    assert report.window == smallest_window(schedule) == smallest
+    worst = max(contraction([schedule.weights(n) for n in window]) for window in windows(schedule, smallest))
+    assert report.contraction == pytest.approx(worst, abs=1e-12)
+    assert report.contraction < 1
 
 
 def test_windows_wrap_around_the_end_of_the_period() -> None:
@@ -120,6 +171,20 @@ def test_in_neighbours_are_the_senders_of_the_edges_to_a_learner(schedule: EdgeS
         assert schedule.ever_in_neighbours(learner) == sorted(ever)
 
 
+def test_the_edges_of_all_slots_are_sorted_and_named_once() -> None:
+    assert TALKING.all_edges == [(0, 1), (0, 2), (1, 0), (1, 2), (2, 1)]
+    everything = both_ways(complete_edges(9))
+    assert EdgeSchedule(learners(9), (everything, everything)).all_edges == sorted(everything)
+
+
+def test_nothing_hangs_on_the_order_in_which_edges_are_stored() -> None:
+    edges = sorted(both_ways(complete_edges(9)))
+    one, other = (EdgeSchedule(learners(9), (frozenset(order),)) for order in (edges, reversed(edges)))
+    assert one.digest == other.digest
+    assert one.ever_in_neighbours(4) == other.in_neighbours(4, 1) == [0, 1, 2, 3, 5, 6, 7, 8]
+    assert EdgeSchedule(learners(9), (both_ways([(0, 8), (0, 1)]),)).ever_in_neighbours(0) == [1, 8]
+
+
 def test_in_neighbours_by_hand() -> None:
     assert [TALKING.in_neighbours(1, n) for n in (1, 2, 3, 4)] == [[0, 2], [], [], [0, 2]]
     assert [TALKING.in_neighbours(2, n) for n in (1, 2, 3, 4)] == [[], [], [0, 1], []]
@@ -140,11 +205,95 @@ def test_weights_refuse_an_edge_on_no_cycle_by_the_learners_names() -> None:
         validate(schedule)
 
 
+ROUND = EdgeSchedule(NAMES, (frozenset({(0, 1), (1, 2), (2, 0)}), both_ways([(0, 1)])))
+
+
+@pytest.mark.parametrize(
+    ("weights", "error"),
+    [
+        ([[0.5, 0.5 + 2**-38, 0], [0.5, 0.5, 0], [0, 0, 1]], "3.63798e-12"),
+        ([[0.6, 0.4, 0], [0.5, 0.5, 0], [0, 0, 1]], "0.1"),
+        ([[0.6, 0.5, 0], [0.4, 0.5, 0], [0, 0, 1]], "0.1"),
+        ([[-1, 2, 0], [2, -1, 0], [0, 0, 1]], "0"),
+        ([[1, 0, 0], [0, 1, 0], [0, 0, 1]], "0"),
+        ([[0, 1, 0], [1, 0, 0], [0, 0, 1]], "0"),
+        ([[0.4, 0.3, 0.3], [0.3, 0.4, 0.3], [0.3, 0.3, 0.4]], "0|1.11022e-16|2.22045e-16"),
+    ],
+    ids=[
+        "hardly off",
+        "columns",
+        "rows",
+        "negative",
+        "an edge without",
+        "nothing for oneself",
+        "no edge, but a weight",
+    ],
+)
+def test_weights_that_break_assumption_3_are_refused_by_slot(
+    monkeypatch: pytest.MonkeyPatch, weights: list[list[float]], error: str
+) -> None:
+    sound = ROUND.weights(1)
+    spoiled = {frozenset(ROUND.slots[0]): sound, frozenset(ROUND.slots[1]): np.array(weights, dtype=np.float64)}
+    monkeypatch.setattr(schedule_module, "doubly_stochastic_weights", lambda _count, edges, _names: spoiled[edges])
+    words = rf"slot 2: weights are not doubly stochastic on its edges \(sums off by ({error})\)"
+    with pytest.raises(ScheduleError, match=words):
+        validate(replace(ROUND))
+
+
+def test_sums_that_are_off_by_rounding_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    almost = np.array([[0.5, 0.5 + 2**-42], [0.5, 0.5]])
+    monkeypatch.setattr(schedule_module, "doubly_stochastic_weights", lambda *_: almost)
+    pair = both_ways([(0, 1)])
+    assert validate(EdgeSchedule(("a", "b"), (pair,))).largest_sum_error == 2**-42
+    different = iter([almost, np.full((2, 2), 0.5)])
+    monkeypatch.setattr(schedule_module, "doubly_stochastic_weights", lambda *_: next(different))
+    assert validate(EdgeSchedule(("a", "b"), (pair, pair))).largest_sum_error == 2**-42
+
+
+@pytest.mark.parametrize(
+    ("count", "most"), [(1, 100_000), (7, 100_000), (8, 78_125), (100, 500), (2236, 1), (2237, 0), (10**6, 0)]
+)
+def test_more_slots_than_can_be_checked_in_seconds_are_refused(count: int, most: int) -> None:
+    require_size(count, most)
+    with pytest.raises(ScheduleError, match=f"{most + 1} slots: expected at most {most} for {count} learners"):
+        require_size(count, most + 1)
+
+
+def test_a_schedule_that_is_too_large_is_refused_before_anything_else_of_its_edges() -> None:
+    with pytest.raises(ScheduleError, match="501 slots: expected at most 500 for 100 learners; take fewer"):
+        EdgeSchedule(learners(100), (frozenset({(0, 0)}),) * 501)
+
+
+def test_a_schedule_that_stops_has_neither_neighbours_nor_weights_after_its_last_slot() -> None:
+    schedule = EdgeSchedule(("a", "b"), (frozenset(), both_ways([(0, 1)])), end="stop")
+    assert [schedule.in_neighbours(0, n) for n in (1, 2, 3, 4)] == [[], [1], [], []]
+    assert schedule.weights(2)[0, 1] == 1 / 2
+    with pytest.raises(ScheduleError, match="iteration 3: the schedule stops after its 2 slots"):
+        schedule.weights(3)
+    assert [schedule.senders_to("a", n) for n in (1, 2, 3, 4)] == [[], ["b"], [], []]
+    assert [schedule.receivers_of("a", n) for n in (1, 2, 3, 4)] == [[], ["b"], [], []]
+
+
+@pytest.mark.parametrize("rest", [0, 1])
+def test_long_lists_of_learners_are_shortened_in_messages(rest: int) -> None:
+    name = "x" * (400 - len("['', '']") - 1 + rest)
+    with pytest.raises(ScheduleError) as caught:
+        EdgeSchedule((name, "y"), (frozenset({(0, 2)}),))
+    assert (str([name, "y"]) in str(caught.value)) == (rest == 0)
+
+
+def test_strangers_are_refused_by_name() -> None:
+    with pytest.raises(ScheduleError, match=r"\['x', 'y', 'z'\]: expected learners of \('a', 'b', 'c'\)"):
+        delivered_edges(TALKING, [["z", "a"], ["x"], ["y", "x"]])
+
+
 def test_validate_reports_the_window_and_the_smallest_weight() -> None:
     schedule = EdgeSchedule(learners(4), (both_ways([(0, 1), (0, 2), (0, 3)]), frozenset()))
     report = validate(schedule)
     assert report.window == 2
     assert report.smallest_weight == pytest.approx(1 / 4)
+    other_way_round = EdgeSchedule(learners(4), tuple(reversed(schedule.slots)))
+    assert validate(other_way_round).smallest_weight == report.smallest_weight
 
 
 @given(schedules(), schedules())

@@ -101,6 +101,11 @@ def test_the_refusal_names_the_edge_and_the_missing_way_back() -> None:
         doubly_stochastic_weights(3, [(0, 1), (1, 0), (1, 2)], ["a", "b", "c"])
 
 
+def test_of_several_such_edges_the_first_is_named() -> None:
+    with pytest.raises(ScheduleError, match="edge a -> c lies on no directed cycle"):
+        doubly_stochastic_weights(4, [(3, 2), (1, 3), (0, 2)], list("abcd"))
+
+
 def test_the_refusal_numbers_learners_without_names() -> None:
     with pytest.raises(ScheduleError, match="edge 0 -> 1 lies"):
         doubly_stochastic_weights(2, [(0, 1)])
@@ -138,6 +143,14 @@ def test_the_flow_goes_around_the_shortest_cycle_of_every_edge() -> None:
     for (sender, receiver), share in flow.items():
         assert weights[receiver, sender] == pytest.approx(share / 7, abs=1e-15)
     assert np.diag(weights) == pytest.approx(np.array([1, 1, 4, 4, 4]) / 7, abs=1e-15)
+
+
+def test_of_equally_short_cycles_the_one_through_the_first_learners_carries_the_flow() -> None:
+    """2 -> 3 lies on 2 3 0 2 and on 2 3 1 2; whoever computes the weights takes the same of the two."""
+    flow = {(2, 3): 5, (3, 0): 3, (0, 2): 3, (3, 1): 2, (1, 2): 2}
+    weights = doubly_stochastic_weights(4, [(3, 1), (3, 0), (1, 2), (2, 3), (0, 2)])
+    for (sender, receiver), share in flow.items():
+        assert weights[receiver, sender] == pytest.approx(share / 6, abs=1e-15)
 
 
 @given(graphs_with_weights)

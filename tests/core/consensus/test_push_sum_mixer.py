@@ -1,0 +1,144 @@
+"""A mixer by push-sum, one call at a time: what it sends, when it sends nothing, and how its learner enters."""
+
+from dataclasses import replace
+from itertools import permutations
+
+import numpy as np
+import pytest
+from experiments import demonstrations, experiment
+
+from mabirds_core.algorithm.learner import Learner, LearnerState
+from mabirds_core.algorithm.parameters import Parameters
+from mabirds_core.arrays import Vector
+from mabirds_core.consensus.push_sum import PushSumState, RunningSum
+from mabirds_core.consensus.push_sum_mixer import PushSumMixer
+from mabirds_core.experiment.assembly import build_learner
+
+SMALLEST = 0.25
+NAMES = ["ann", "bob", "cid", "dee"]
+SLOTS = [
+    [["ann", "bob"], ["bob", "ann"]],
+    [["ann", "cid"], ["cid", "dee"], ["dee", "ann"], ["bob", "ann"], ["ann", "bob"]],
+]
+"""ann sends to bob; then to bob and cid, and receives from bob and dee."""
+
+SETTINGS = experiment(
+    {"learners": NAMES, "schedule": {"kind": "slots", "slots": SLOTS}, "mixing": {"kind": "resilient"}}
+)
+MIXER = PushSumMixer("ann", SETTINGS.edge_schedule, SMALLEST)
+
+
+def ann() -> Learner:
+    return replace(build_learner(SETTINGS, "ann"), mixer=MIXER)
+
+
+def parameters() -> Parameters:
+    """ann's own, and none of them 0."""
+    return Parameters(*(np.linspace(1, 2, values.size) for values in ann().initial_state().parameters))
+
+
+def begun(weight: float = 1.0, iteration: int = 1) -> PushSumState:
+    """ann before that iteration, with parameters of her own."""
+    return MIXER.initial(parameters(), weight, iteration)
+
+
+def mass(state: PushSumState, weight: float) -> Vector:
+    """Of that weight, with the estimate of the state."""
+    return weight * np.concatenate([*state.parameters, [1.0]])
+
+
+def sum_of(values: Vector) -> RunningSum:
+    return RunningSum.zero(values.size).plus(values)
+
+
+@pytest.mark.parametrize(
+    ("iteration", "shares", "kept"),
+    [(1, {"bob": 1 / 2}, 1 / 2), (2, {"bob": 1 / 3, "cid": 1 / 3}, 1 / 3), (3, {"bob": 1 / 2}, 1 / 2)],
+)
+def test_out_neighbours_of_the_iteration_are_sent_their_shares(
+    iteration: int, shares: dict[str, float], kept: float
+) -> None:
+    state = begun(iteration=iteration)
+    weights, index = MIXER.schedule.weights(iteration), NAMES.index
+    assert shares == pytest.approx({name: weights[index(name), 0] for name in shares})
+    assert {name: sent.total[-1] for name, sent in state.sent.items()} == pytest.approx(shares)
+    assert list(state.sent) == list(MIXER.outgoing(state, iteration)) == list(shares)
+    np.testing.assert_allclose(state.mass, mass(state, kept))
+    for name, share in shares.items():
+        np.testing.assert_allclose(state.sent[name].total, mass(state, share))
+
+
+def test_shares_are_sent_in_the_order_of_the_learners() -> None:
+    everybody = build_learner(experiment({"learners": NAMES, "mixing": {"kind": "resilient"}}), "ann")
+    assert list(everybody.mixer.initial(parameters()).sent) == ["bob", "cid", "dee"]
+
+
+def test_a_learner_enters_with_weight_one() -> None:
+    whole = MIXER.initial(parameters())
+    assert whole.weight == 1 / 2
+    assert whole.mass.tobytes() == begun(weight=1.0).mass.tobytes()
+    assert PushSumState.init(whole.parameters).mass.tobytes() == mass(whole, 1.0).tobytes()
+
+
+@pytest.mark.parametrize(("weight", "sends"), [(0.0, False), (np.nextafter(SMALLEST, 0), False), (SMALLEST, True)])
+def test_who_has_too_little_sends_nothing(weight: float, sends: bool) -> None:
+    state = begun(weight)
+    assert list(state.sent) == list(MIXER.outgoing(state, 1)) == (["bob"] if sends else [])
+    assert state.weight == (weight / 2 if sends else weight)
+    assert state.parameters.theta.tobytes() == parameters().theta.tobytes()
+
+
+@pytest.mark.parametrize("enough", [True, False])
+def test_a_late_joiner_begins_once_it_was_sent_enough(enough: bool) -> None:
+    state, last = begun(0.0), SMALLEST - 1 / 8
+    shares = {"dee": mass(state, 1 / 8) * 3, "bob": mass(state, last if enough else last - 2**-40)}
+    shares["dee"][-1] = 1 / 8
+    joined = MIXER.join(state, 2, {name: sum_of(share) for name, share in shares.items()})
+    assert (joined is not None) == enough
+    if joined is not None:
+        np.testing.assert_allclose(joined.parameters.theta, 2 * state.parameters.theta)
+        np.testing.assert_allclose(joined.parameters.omega, 2 * state.parameters.omega)
+        assert {name: sent.total[-1] for name, sent in joined.sent.items()} == pytest.approx(
+            {"bob": SMALLEST / 3, "cid": SMALLEST / 3}
+        )
+        assert joined.received.keys() == {"bob", "dee"}
+
+
+@pytest.mark.parametrize(("weight", "moves"), [(np.nextafter(SMALLEST, 0), False), (SMALLEST, True)])
+def test_an_estimate_moves_only_while_there_is_weight_to_carry_it(weight: float, moves: bool) -> None:
+    learner, state = ann(), begun(np.nextafter(SMALLEST, 0))
+    zeta = demonstrations(SETTINGS)["ann"][0]
+    nothing = 0.0 * state.mass
+    nothing[-1] = weight - state.weight
+    after, gradient = learner.step(LearnerState(1, state, ()), zeta, {"bob": sum_of(nothing)})
+    step = learner.steps.descend(Parameters(*(0 * values for values in gradient)), gradient, 1)
+    moved = (state.mass[:-1] + np.concatenate(step)) / weight
+    found = np.concatenate(after.parameters)
+    np.testing.assert_allclose(found, moved if moves else np.concatenate(state.parameters), rtol=1e-12, atol=1e-15)
+    assert np.abs(gradient.theta).max() > 0
+    assert (after.iteration, after.recent) == (2, ())
+    assert isinstance(after.mixing, PushSumState)
+    assert (after.mixing.sent.keys() == {"bob", "cid"}) == moves
+
+
+@pytest.mark.parametrize("weight", [1 / 8, 1])
+def test_a_closing_round_only_receives_and_sends(weight: float) -> None:
+    state = begun(1 / 8)
+    share = mass(state, weight - 1 / 8)
+    incoming = {"bob": sum_of(3 * share), "dee": sum_of(-2 * share)}
+    after = ann().consensus_step(LearnerState(1, state, ()), incoming)
+    assert (after.iteration, after.policy, after.recent) == (2, None, ())
+    np.testing.assert_allclose(after.parameters.theta, state.parameters.theta)
+    assert isinstance(after.mixing, PushSumState)
+    sent = sum(total.total for total in after.mixing.sent.values())
+    np.testing.assert_allclose(after.mixing.mass + sent, mass(state, weight), rtol=1e-12, atol=1e-12)
+
+
+def test_what_arrived_is_added_in_the_order_of_names() -> None:
+    """Sums of floating-point numbers depend on their order; the order of arrival must not be seen."""
+    state = PushSumState.init(Parameters(np.zeros(1), np.zeros(0)), initial_weight=0.0)
+    sums = {name: sum_of(np.array([value, 0.0])) for name, value in [("a", 1.0), ("b", 1e16), ("c", -1e16), ("d", 3.0)]}
+    for order in permutations(sums):
+        found = MIXER.incoming(state, 1, {name: sums[name] for name in order})
+        assert found.mass[0] == ((1.0 + 1e16) - 1e16) + 3.0
+        assert found.received == sums
