@@ -18,7 +18,7 @@ from mabirds_bringup.bench.continuous.outcome import FLIGHTS
 from mabirds_bringup.bench.learning import drawn_streams
 from mabirds_bringup.console import console, guarded_output
 from mabirds_bringup.run.network import Network
-from mabirds_core.experiment.assembly import policy_of
+from mabirds_core.experiment.assembly import evaluation_policy
 from mabirds_core.experiment.file import load_experiment
 from mabirds_core.experiment.simulate import History, simulate
 from mabirds_core.games.drones.metrics import drone_imitation
@@ -48,7 +48,7 @@ def measure(source: Path, seed: int, directory: Path) -> Iterator[dict[str, Any]
     seconds, game = time.monotonic() - begun, drone_game(experiment)
     expected = simulate(experiment, drawn_streams(experiment, game))
     for name, parameters in history.items():
-        policy = policy_of(experiment, name, game)(parameters[-1])
+        policy = evaluation_policy(experiment, name, game)(parameters[-1])
         imitation = drone_imitation(game, flights_of(experiment, game, policy, FLIGHTS))
         yield {
             "seed": seed,

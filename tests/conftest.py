@@ -99,7 +99,7 @@ DRONES: dict[str, Any] = {
 }
 """A room of 3 m that two drones cross."""
 
-FINDERS: dict[str, dict[str, Any]] = {
+PLANNERS: dict[str, dict[str, Any]] = {
     "lattice": {"kind": "lattice", "spacing": 0.5, "temperature": 1.0},
     "soft_actor_critic": {
         "kind": "soft_actor_critic",
@@ -116,10 +116,10 @@ FINDERS: dict[str, dict[str, Any]] = {
 
 @pytest.fixture
 def make_drone_experiment(make_experiment: MakeExperiment) -> MakeExperiment:
-    """The same for drones. ``finder``: which of FINDERS; ``algorithm``: other settings; keywords of ``settings``."""
+    """The same for drones. ``planner``: which of PLANNERS; ``algorithm``: other settings; keywords of ``settings``."""
 
-    def make(finder: str = "lattice", algorithm: dict[str, Any] | None = None, **keywords: Any) -> Path:
-        quick = {"steps": {"alpha": 2.0, "beta": 0.5}, "window": 2, "rollouts": 8, "policy": FINDERS[finder]}
+    def make(planner: str = "lattice", algorithm: dict[str, Any] | None = None, **keywords: Any) -> Path:
+        quick = {"steps": {"alpha": 2.0, "beta": 0.5}, "window": 2, "rollouts": 8, "policy": PLANNERS[planner]}
         return make_experiment(change={**DRONES, "algorithm": {**quick, **(algorithm or {})}}, **keywords)
 
     return make

@@ -331,8 +331,8 @@ def topics_page() -> str:
     words = (
         f"Names and QoS as the nodes of `{PATROL.relative_to(ROOT)}` have them, seen from `/learner_1`, whose neighbour"
         " is `learner_2`. QoS: reliability, durability, depth; lease: after how many seconds of silence a process"
-        f" counts as gone ({qos.LEASE:g}). Every node also has ROS's own `/rosout` and `/parameter_events`. Names are"
-        f" made in `{topics.__name__}`."
+        f" counts as gone ({qos.LIVELINESS_LEASE:g}). Every node also has ROS's own `/rosout` and `/parameter_events`."
+        f" Names are made in `{topics.__name__}`."
     )
     parts = ["# Topics and services", "", words, ""]
     for title, node in nodes().items():

@@ -31,7 +31,7 @@ class TemperedPlanner:
     reward: TabularRewardModel
     temperature: float
 
-    def find(
+    def plan(
         self,
         theta: Vector,
         omega: Vector,
@@ -43,11 +43,11 @@ class TemperedPlanner:
         reward = self.reward.table(theta) + self.game.cost_features.table(omega)
         return soft_bellman_policy(self.game, reward / self.temperature)
 
-    def remember(self, policy: Policy) -> dict[str, Array]:  # noqa: ARG002 - exact from any start
+    def state_dict(self, policy: Policy) -> dict[str, Array]:  # noqa: ARG002 - exact from any start
         """Nothing."""
         return {}
 
-    def recall(self, memory: Mapping[str, Array]) -> None:
+    def load_state_dict(self, memory: Mapping[str, Array]) -> None:
         """No policy is needed to start from."""
 
 

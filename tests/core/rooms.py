@@ -10,7 +10,7 @@ from experiments import changed
 from mabirds_core.arrays import Array
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.games.drones.game import DroneGame
-from mabirds_core.games.drones.lattice import LatticeFinder
+from mabirds_core.games.drones.lattice import LatticePlanner
 from mabirds_core.games.drones.rewards import TrueDroneReward
 from mabirds_core.games.drones.rollouts import drone_rollouts
 from mabirds_core.games.drones.settings import DroneSettings
@@ -177,6 +177,6 @@ def flight_experiment(changes: dict[str, Any] | None = None) -> Experiment:
 def flights(of: Experiment, seed: int = 0) -> dict[str, list[Trajectories]]:
     """A stream a learner, of drones that hurry to their doors."""
     game, rng = drone_game(of), np.random.default_rng(seed)
-    finder = LatticeFinder(game, TrueDroneReward(game), spacing=0.4, temperature=0.1)
-    policy = finder.find(np.zeros(0), np.zeros(len(game.cost_features.names)))
+    planner = LatticePlanner(game, TrueDroneReward(game), spacing=0.4, temperature=0.1)
+    policy = planner.plan(np.zeros(0), np.zeros(len(game.cost_features.names)))
     return {name: [drone_rollouts(game, policy, 1, rng) for _ in range(of.iterations)] for name in of.learners}

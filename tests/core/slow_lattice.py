@@ -1,4 +1,4 @@
-"""The recursion of the lattice finder once more, slowly and in the open."""
+"""The recursion of the lattice planner once more, slowly and in the open."""
 
 import math
 from itertools import product

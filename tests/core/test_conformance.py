@@ -18,7 +18,7 @@ from mabirds_core.experiment.assembly import build_game, build_method, build_rew
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.games.interface import Trajectories, Visitation
 from mabirds_core.games.patrol.game import PatrolGame
-from mabirds_core.planners.soft_bellman import SoftBellmanFinder
+from mabirds_core.planners.soft_bellman import SoftBellmanPlanner
 from mabirds_core.registry import METHODS, build, kind_of, kinds
 from mabirds_core.rewards.models import LinearReward
 
@@ -116,11 +116,11 @@ def test_a_game_that_checks_no_transitions_is_noticed() -> None:
         conformance.check_game(Credulous(alone().settings))  # type: ignore[arg-type]
 
 
-class Fickle(SoftBellmanFinder):
+class Fickle(SoftBellmanPlanner):
     """Which finds another policy each time."""
 
-    def find(self, theta: Vector, omega: Vector, *_: Any, **__: Any) -> Any:
-        return super().find(theta + np.random.default_rng().normal(size=theta.shape), omega)
+    def plan(self, theta: Vector, omega: Vector, *_: Any, **__: Any) -> Any:
+        return super().plan(theta + np.random.default_rng().normal(size=theta.shape), omega)
 
 
 def test_a_planner_that_finds_another_policy_each_time_is_noticed() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from experiments import demonstrations, experiment
 
-from mabirds_core.experiment.assembly import build_game, policy_of
+from mabirds_core.experiment.assembly import build_game, evaluation_policy
 from mabirds_core.experiment.file import load_experiment
 from mabirds_core.experiment.simulate import simulate
 from mabirds_core.metrics.metrics import exact_imitation
@@ -33,7 +33,7 @@ def test_three_experts_are_learned_by_any_number_of_learners(count: int) -> None
     assert game.n_experts == 3
     history = simulate(settings, demonstrations(settings))
     for name in names:
-        policy = policy_of(settings, name, game)
+        policy = evaluation_policy(settings, name, game)
         first, last = (exact_imitation(game, policy(history[name][n])).violation_rate for n in (0, -1))
         assert last < first / 2
     final = np.array([history[name][-1].omega for name in names])

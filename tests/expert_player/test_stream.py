@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mabirds_expert_player.stream import LATENESS, Claims, Stream
+from mabirds_expert_player.stream import JITTER_TOLERANCE, AckFilter, Stream
 
 
 def constant(_: int) -> float:
@@ -71,7 +71,7 @@ def test_small_lateness_is_made_up_for_and_long_delays_are_not() -> None:
     stream = Stream(total=9, window=9)
     stream.acknowledge(0)
     play(stream, now=10.0)
-    play(stream, now=11.0 + LATENESS / 2)
+    play(stream, now=11.0 + JITTER_TOLERANCE / 2)
     assert stream.due_at(constant) == 12.0
     play(stream, now=12.25)
     assert stream.due_at(constant) == 13.25
@@ -81,7 +81,7 @@ def test_a_demonstration_is_late_only_past_what_timers_have() -> None:
     stream = Stream(total=9, window=9)
     stream.acknowledge(0)
     play(stream, now=-1.0)
-    play(stream, now=LATENESS)
+    play(stream, now=JITTER_TOLERANCE)
     assert stream.due_at(constant) == 1.0
 
 
@@ -152,18 +152,18 @@ Claim = tuple[float, int, int, int | None]
     ],
 )
 def test_what_a_learner_says_it_has_learned_counts_unless_it_contradicts(claims: list[Claim]) -> None:
-    speaker = Claims(patience=2.0)
-    assert [(now, speaker.believed(learned, sent, now)) for now, learned, sent, _ in claims] == [
+    speaker = AckFilter(patience=2.0)
+    assert [(now, speaker.accepted(learned, sent, now)) for now, learned, sent, _ in claims] == [
         (now, expected) for now, _, _, expected in claims
     ]
 
 
 def test_since_when_a_learner_is_doubted_is_known() -> None:
-    speaker = Claims(patience=2.0)
+    speaker = AckFilter(patience=2.0)
     since = []
     for now, learned in [(1.0, 3), (2.0, 4), (3.0, 5), (4.0, 3), (5.0, 4)]:
-        speaker.believed(learned, sent=3, now=now)
-        since.append(speaker.doubted_since)
+        speaker.accepted(learned, sent=3, now=now)
+        since.append(speaker.suspect_since)
     assert since == [None, 2.0, 2.0, None, 5.0]
 
 
@@ -173,11 +173,11 @@ said = st.lists(st.tuples(st.floats(0, 3), st.integers(0, 9), st.integers(0, 9))
 @given(said)
 def test_nobody_is_taken_further_than_they_said_lately(claims: list[tuple[float, int, int]]) -> None:
     """And no further back than what they said in the last seconds."""
-    speaker, now, heard = Claims(patience=2.0), 0.0, list[tuple[float, int]]()
+    speaker, now, heard = AckFilter(patience=2.0), 0.0, list[tuple[float, int]]()
     for gap, learned, sent in claims:
         now += gap
         heard.append((now, learned))
         lately = [number for when, number in heard if now - when <= 2.0]
-        believed = speaker.believed(learned, sent, now)
+        believed = speaker.accepted(learned, sent, now)
         assert believed in (None, learned, *lately)
         assert believed is None or believed <= learned or learned > sent

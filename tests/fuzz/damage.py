@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 EXTREMES = (0, 1, 2**7, 2**8 - 1, 2**15, 2**16 - 1, 2**31 - 1, 2**31, 2**32 - 1, 2**40, 2**62, 2**63, 2**64 - 1)
 
-LONGEST_PIECE = 64
+MAX_PIECE = 64
 """Bytes that one damage takes out, puts in or doubles."""
 
 SECONDS = 10.0
@@ -53,15 +53,15 @@ def truncate(content: bytearray, donor: bytes, place: int, rng: random.Random) -
 
 
 def take_out(content: bytearray, donor: bytes, place: int, rng: random.Random) -> None:
-    del content[place : place + rng.randint(1, LONGEST_PIECE)]
+    del content[place : place + rng.randint(1, MAX_PIECE)]
 
 
 def put_in(content: bytearray, donor: bytes, place: int, rng: random.Random) -> None:
-    content[place:place] = rng.randbytes(rng.randint(1, LONGEST_PIECE))
+    content[place:place] = rng.randbytes(rng.randint(1, MAX_PIECE))
 
 
 def double(content: bytearray, donor: bytes, place: int, rng: random.Random) -> None:
-    content[place:place] = content[place : place + rng.randint(1, LONGEST_PIECE)]
+    content[place:place] = content[place : place + rng.randint(1, MAX_PIECE)]
 
 
 def splice(content: bytearray, donor: bytes, place: int, rng: random.Random) -> None:

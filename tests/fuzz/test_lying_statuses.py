@@ -11,7 +11,7 @@ from junk import made_up, spoiled
 from mabirds_msgs.msg import Demonstration, LearnerStatus
 from truth import Truth
 
-from mabirds_expert_player.stream import Claims, Stream
+from mabirds_expert_player.stream import AckFilter, Stream
 from mabirds_msgs_py.qos import STATUS_QOS, latched
 
 
@@ -99,12 +99,12 @@ class Liar:
     """A player's stream and a learner's truth in time of their own, with lies in between."""
 
     def __init__(self, total: int, window: int) -> None:
-        self.stream, self.claims = Stream(total, window), Claims(2.0)
+        self.stream, self.claims = Stream(total, window), AckFilter(2.0)
         self.learned, self.now = 0, 0.0
         self.arrived: set[int] = set()
 
     def hear(self, claim: int) -> None:
-        believed = self.claims.believed(claim, self.stream.sent, self.now)
+        believed = self.claims.accepted(claim, self.stream.sent, self.now)
         if believed is None:
             return
         self.stream.acknowledge(believed)
@@ -161,13 +161,13 @@ def test_no_lies_at_all_let_anything_be_lost(total: int, window: int, lies: list
 
 
 def test_a_restarted_player_believes_a_learner_after_a_while() -> None:
-    claims = Claims(patience=2.0)
-    assert [claims.believed(7, 0, now) for now in (10.0, 11.0, 11.9, 12.1)] == [None, None, None, 7]
-    assert claims.believed(7, 7, 12.2) == 7
+    claims = AckFilter(patience=2.0)
+    assert [claims.accepted(7, 0, now) for now in (10.0, 11.0, 11.9, 12.1)] == [None, None, None, 7]
+    assert claims.accepted(7, 7, 12.2) == 7
 
 
 def test_of_two_learners_of_one_name_the_slower_one_counts() -> None:
-    claims = Claims(patience=2.0)
+    claims = AckFilter(patience=2.0)
     said = [(5, 0.0), (2, 0.1), (6, 0.2), (3, 0.3), (6, 1.2), (3, 1.3)]
-    assert [claims.believed(number, 8, now) for number, now in said] == [5, 2, 2, 2, 2, 2]
-    assert [claims.believed(6, 8, now) for now in (2.5, 3.5, 3.6)] == [3, 6, 6], "the slower one has gone"
+    assert [claims.accepted(number, 8, now) for number, now in said] == [5, 2, 2, 2, 2, 2]
+    assert [claims.accepted(6, 8, now) for now in (2.5, 3.5, 3.6)] == [3, 6, 6], "the slower one has gone"

@@ -20,7 +20,7 @@ from mabirds_bringup.evaluate.results import audit
 from mabirds_bringup.watch.inspector import InspectorNode, describe
 from mabirds_bringup.watch.live_table import plain_line
 from mabirds_bringup.watch.monitor import MonitorNode
-from mabirds_core.texts import printable
+from mabirds_core.texts import sanitize
 from mabirds_msgs_py.bag_writer import BagWriter
 
 
@@ -158,7 +158,7 @@ def test_an_inspector_shows_messages_of_any_content(truth: Truth, nodes: Any, co
         sent_to(inspector, "/learner_1/edge_schedule", schedule)
         content = describe(learner, top=3)
         assert json.dumps(content, allow_nan=False)
-        line = printable(_status_line(content), 1000)
+        line = sanitize(_status_line(content), 1000)
         assert len(line) < 20_000
         assert line.isprintable()
         assert set(inspector.missing()) <= {"learner_2"}

@@ -46,10 +46,10 @@ def test_a_restart_before_every_update_changes_no_bit(make_experiment: Callable[
     check_restarts(load_experiment(make_experiment(change={"algorithm": algorithm})))
 
 
-@pytest.mark.parametrize("finder", ["lattice", "soft_actor_critic"])
-def test_a_restart_changes_no_bit_with_drones(make_drone_experiment: Callable[..., Path], finder: str) -> None:
+@pytest.mark.parametrize("planner", ["lattice", "soft_actor_critic"])
+def test_a_restart_changes_no_bit_with_drones(make_drone_experiment: Callable[..., Path], planner: str) -> None:
     """Networks, optimisers and replay of an actor-critic are in the checkpoint; older ones keep theta and omega."""
-    check_restarts(load_experiment(make_drone_experiment(finder)))
+    check_restarts(load_experiment(make_drone_experiment(planner)))
 
 
 def check_restarts(experiment: Experiment) -> None:

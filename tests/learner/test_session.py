@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from sessions import demonstrations
 
 from mabirds_core.algorithm.parameters import Parameters
-from mabirds_core.consensus.schedule import EdgeSchedule, both_ways, smallest_window
+from mabirds_core.consensus.schedule import EdgeSchedule, both_ways, connectivity_window
 from mabirds_core.consensus.weights import Edge
 from mabirds_core.errors import RefusedMessageError, ScheduleError
 from mabirds_core.experiment.assembly import build_learner
@@ -245,7 +245,7 @@ def test_no_learner_runs_further_ahead_than_the_bound(
     for v in range(n_learners):  # the ring, spread over the slots, so that their union connects all
         edges[v % len(edges)].add((v, (v + 1) % n_learners))
     schedule = EdgeSchedule(tuple(f"learner_{v}" for v in range(n_learners)), tuple(map(frozenset, edges)))
-    bound = smallest_window(schedule) * (n_learners - 1)
+    bound = connectivity_window(schedule) * (n_learners - 1)
     at = dict.fromkeys(range(n_learners), start)
     movable = True
     while movable and max(at.values()) <= start + bound:

@@ -21,7 +21,7 @@ from mabirds_bringup.run.supervisor import Supervisor
 from mabirds_bringup.watch.monitor import MonitorNode
 from mabirds_core.experiment.file import load_experiment
 
-LONGEST_STOP = 3.0
+MAX_STOP = 3.0
 """Seconds for which a process is stopped at most."""
 
 
@@ -52,7 +52,7 @@ class Chaos:
     def _harm(self, name: str, process: NodeProcess) -> None:
         what = self.rng.choice(["kill", "kill", "end", "stop"])
         if what == "stop":
-            self.stopped.append((time.monotonic() + self.rng.uniform(0.1, LONGEST_STOP), process))
+            self.stopped.append((time.monotonic() + self.rng.uniform(0.1, MAX_STOP), process))
         self.done[f"{what} {'player' if name == PLAYER else 'learner'}"] += 1
         os.kill(process.popen.pid, {"kill": signal.SIGKILL, "end": signal.SIGTERM, "stop": signal.SIGSTOP}[what])
 

@@ -252,7 +252,7 @@ def test_a_learner_that_is_kept_waiting_warns_on_diagnostics(make_experiment: Ca
 def test_two_processes_of_one_name_are_noticed(
     nodes: Any, file: Path, around: Surroundings, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(presence, "LEASE", 0.1)
+    monkeypatch.setattr(presence, "LIVELINESS_LEASE", 0.1)
     node = nodes.learner(file, "learner_1", status_period=0.1)
     around.neighbour_says(1, node)
     nodes.spin_until(lambda: around.statuses)
@@ -263,7 +263,7 @@ def test_two_processes_of_one_name_are_noticed(
     nodes.spin_until(lambda: "duplicate_name" in around.last.drop_reasons)
     assert around.last.message == "several processes publish as learner_2; end all but one"
     around.node.destroy_publisher(second)
-    nodes.spin_until(lambda: not node.presence.doubled())
+    nodes.spin_until(lambda: not node.presence.duplicates())
 
 
 def test_a_learner_goes_on_from_its_checkpoint_and_tells_its_past(

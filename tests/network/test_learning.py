@@ -65,14 +65,14 @@ def test_patrol_as_processes_equals_the_reference(tmp_path: Path, rate: float, r
     assert_same_histories(history, simulate_from_bag(experiment))
 
 
-@pytest.mark.parametrize("finder", ["lattice", "soft_actor_critic"])
+@pytest.mark.parametrize("planner", ["lattice", "soft_actor_critic"])
 def test_drones_as_processes_equal_the_reference(
-    make_drone_experiment: Callable[..., Path], tmp_path: Path, finder: str
+    make_drone_experiment: Callable[..., Path], tmp_path: Path, planner: str
 ) -> None:
     """Four learners, a neural reward, networks that learn: one thread each, and not a bit is different."""
     algorithm = {"reward": {"kind": "neural", "hidden": 8, "bound": 2.0}}
     schedule = {"kind": "alternating"}
-    file = make_drone_experiment(finder, algorithm, iterations=6, learners=4, schedule=schedule)
+    file = make_drone_experiment(planner, algorithm, iterations=6, learners=4, schedule=schedule)
     experiment, directory = load_experiment(file), tmp_path / "run"
     (directory / "logs").mkdir(parents=True)
     history, delivered, _ = Network(experiment, file, directory, {"hz": 50.0}).run()

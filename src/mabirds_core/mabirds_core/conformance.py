@@ -21,7 +21,7 @@ from mabirds_core.consensus.mixer import AnyMixer
 from mabirds_core.consensus.schedule import EdgeSchedule
 from mabirds_core.errors import ImpossibleTrajectoryError
 from mabirds_core.games.interface import FeatureMap, Game, Trajectories, Visitation, discounted_visitation
-from mabirds_core.planners.interface import Policy, PolicyFinder, TabularPolicy
+from mabirds_core.planners.interface import Planner, Policy, TabularPolicy
 from mabirds_core.registry import Kind
 from mabirds_core.rewards.models import RewardModel
 from mabirds_core.settings import Settings
@@ -126,18 +126,18 @@ def check_reward(model: RewardModel, game: Game, seed: int = 0) -> None:
             _require(np.allclose(gradient, differences, atol=1e-4), "gradient: expected that of the reward's table")
 
 
-def check_planner(planner: PolicyFinder, game: Game, reward: RewardModel, seed: int = 0) -> None:
+def check_planner(planner: Planner, game: Game, reward: RewardModel, seed: int = 0) -> None:
     """The same policy from the same arguments, probabilities, and a memory that serves as the policy did."""
     rng = np.random.default_rng(seed)
     theta, omega = rng.normal(size=reward.size), rng.normal(size=len(game.cost_features.names))
-    first, second = (planner.find(theta, omega, rng=np.random.default_rng(1)) for _ in range(2))
+    first, second = (planner.plan(theta, omega, rng=np.random.default_rng(1)) for _ in range(2))
     same = np.array_equal(_followed(game, first), _followed(game, second))
     _require(same, "find: expected the same policy from the same arguments")
     if hasattr(first, "log_probabilities"):
         _check_probabilities(first, game)
-    memory = planner.remember(first)
-    recalled = planner.recall(memory) if memory else None
-    kept, resumed = (planner.find(theta, omega, before, np.random.default_rng(4)) for before in (first, recalled))
+    memory = planner.state_dict(first)
+    recalled = planner.load_state_dict(memory) if memory else None
+    kept, resumed = (planner.plan(theta, omega, before, np.random.default_rng(4)) for before in (first, recalled))
     same = np.array_equal(_followed(game, kept), _followed(game, resumed))
     _require(same, "recall(remember(policy)): expected it to serve a search as the policy itself does")
 

@@ -1,19 +1,19 @@
 """Texts of others, made fit to be shown: what came from a file or a network floods no log and steers no terminal."""
 
 
-def shortened(text: str, most: int = 80) -> str:
+def truncate(text: str, most: int = 80) -> str:
     """The text, or its first ``most`` characters and how many there were.
 
-    >>> shortened("digest" * 100, most=9)
+    >>> truncate("digest" * 100, most=9)
     'digestdig... (600 characters)'
     """
     return text if len(text) <= most else f"{text[:most]}... ({len(text)} characters)"
 
 
-def printable(text: str, most: int = 300) -> str:
-    r"""The text on one line, ``shortened``, with everything escaped that is no character to be seen.
+def sanitize(text: str, most: int = 300) -> str:
+    r"""The text on one line, ``truncate``, with everything escaped that is no character to be seen.
 
-    >>> printable("all is well\n\x1b[2J")
+    >>> sanitize("all is well\n\x1b[2J")
     'all is well\\n\\x1b[2J'
     """
     seen = "".join(one if one.isprintable() else ascii(one)[1:-1] for one in text[:most])

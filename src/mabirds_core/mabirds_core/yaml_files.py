@@ -6,15 +6,15 @@ from typing import Any
 
 import yaml
 
-from mabirds_core.texts import shortened
+from mabirds_core.texts import truncate
 
-LARGEST_FILE = 2**20
+MAX_FILE = 2**20
 """Bytes of a file: some seconds of reading, and a few hundred megabytes, where every second byte is a setting."""
 
-MOST_MERGED = 100_000
+MAX_MERGED = 100_000
 """Settings that the merge keys of a file may stand for."""
 
-LONGEST_ERROR = 1000
+MAX_ERROR = 1000
 """Characters of an error."""
 
 FAILURES = (yaml.YAMLError, RecursionError, ValueError, LookupError, AttributeError, TypeError, OverflowError)
@@ -24,13 +24,13 @@ FAILURES = (yaml.YAMLError, RecursionError, ValueError, LookupError, AttributeEr
 def read_yaml(path: Path) -> Any:
     """The content of a file. Raises OSError where it cannot be read, ValueError where it is no YAML or too large."""
     with path.open("rb") as stream:
-        content = stream.read(LARGEST_FILE + 1)
-    if len(content) > LARGEST_FILE:
-        raise ValueError(f"it has more than {LARGEST_FILE} bytes")
+        content = stream.read(MAX_FILE + 1)
+    if len(content) > MAX_FILE:
+        raise ValueError(f"it has more than {MAX_FILE} bytes")
     try:
         return yaml.load(content.decode(), Loader=_Loader)  # noqa: S506 - a SafeLoader
     except FAILURES as error:
-        raise ValueError(shortened(str(error), LONGEST_ERROR)) from None
+        raise ValueError(truncate(str(error), MAX_ERROR)) from None
 
 
 class _Loader(yaml.SafeLoader):
@@ -52,8 +52,8 @@ class _Loader(yaml.SafeLoader):
             raise _refusal(node, "<<: expected one mapping")
         super().flatten_mapping(node)
         self.merged += len(node.value) if merges else 0
-        if self.merged > MOST_MERGED:
-            raise _refusal(node, f"its merge keys stand for more than {MOST_MERGED} settings")
+        if self.merged > MAX_MERGED:
+            raise _refusal(node, f"its merge keys stand for more than {MAX_MERGED} settings")
 
 
 def _merges(key: yaml.Node) -> bool:

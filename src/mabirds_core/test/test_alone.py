@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from mabirds_core.experiment.assembly import build_game, policy_of
+from mabirds_core.experiment.assembly import build_game, evaluation_policy
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import simulate
 
@@ -50,7 +50,7 @@ def test_two_learners_agree_on_the_way_that_they_were_shown() -> None:
     left, right = (history[name][-1] for name in experiment.learners)
     assert np.array_equal(left.theta, right.theta)
     assert np.array_equal(left.omega, right.omega)
-    policy = policy_of(experiment, "left", game)
+    policy = evaluation_policy(experiment, "left", game)
     before, after = (policy(parameters) for parameters in (history["left"][0], left))
     for step in (0, 1):  # then it is at its goal
         state, action = shown.states[0, [step]], shown.actions[0, step]

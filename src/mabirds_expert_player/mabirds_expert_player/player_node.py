@@ -20,9 +20,9 @@ from std_srvs.srv import SetBool
 
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.assembly import build_game, method_names
-from mabirds_core.texts import shortened
+from mabirds_core.texts import truncate
 from mabirds_expert_player.diagnostics import playing_diagnostic
-from mabirds_expert_player.stream import Claims, Stream
+from mabirds_expert_player.stream import AckFilter, Stream
 from mabirds_msgs_py import diagnostics, topics
 from mabirds_msgs_py.bag_reader import DemonstrationBag
 from mabirds_msgs_py.conversion import NANOSECONDS, time_message
@@ -65,7 +65,7 @@ class ExpertPlayerNode(Node):
         self._bag = DemonstrationBag(directory, self._game, experiment.learners, at_least=experiment.iterations)
         window = self._value("window")
         self._streams = {name: Stream(experiment.iterations, window) for name in experiment.learners}
-        self._claims = {name: Claims(PATIENCE) for name in experiment.learners}
+        self._claims = {name: AckFilter(PATIENCE) for name in experiment.learners}
         self._paused = False
         self._held_back: set[str] = set()
         self.done = False
@@ -108,7 +108,7 @@ class ExpertPlayerNode(Node):
         if not (self._same_network(learner, status) and self._possible(learner, status)):
             return
         stream, now = self._streams[learner], time.monotonic()
-        learned = self._claims[learner].believed(status.last_demonstration, stream.sent, now)
+        learned = self._claims[learner].accepted(status.last_demonstration, stream.sent, now)
         if learned != status.last_demonstration:
             self._report_contradiction(learner, status.last_demonstration, learned)
         if learned is None:
@@ -134,7 +134,7 @@ class ExpertPlayerNode(Node):
         if status.learner == name and status.last_demonstration <= total:
             return True
         self.get_logger().error(
-            f"a status on {name}'s topic is of {shortened(status.learner)!r} and says that it learned"
+            f"a status on {name}'s topic is of {truncate(status.learner)!r} and says that it learned"
             f" {status.last_demonstration} of {total}; it is ignored, look for a second publisher",
             throttle_duration_sec=10.0,
         )
@@ -150,7 +150,7 @@ class ExpertPlayerNode(Node):
         different = {name: pair for name, pair in expected.items() if pair[0] != pair[1]}
         for name, (theirs, ours) in different.items():
             self.get_logger().error(
-                f"{learner} has another {name}: digest {shortened(theirs)}, here {ours}; start both with the same"
+                f"{learner} has another {name}: digest {truncate(theirs)}, here {ours}; start both with the same"
                 " experiment file and run",
                 throttle_duration_sec=10.0,
             )
@@ -236,7 +236,7 @@ class ExpertPlayerNode(Node):
         stream = self._streams.get(request.learner)
         if stream is None or not 1 <= request.iteration <= stream.sent:
             sent = {name: stream.sent for name, stream in self._streams.items()}
-            learner = shortened(request.learner)
+            learner = truncate(request.learner)
             response.message = f"{learner!r} iteration {request.iteration}: expected one of those sent, {sent}"
             return response
         self._publish(request.learner, request.iteration)

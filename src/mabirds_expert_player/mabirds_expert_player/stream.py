@@ -55,7 +55,7 @@ class Stream:
 
         A demonstration that was late because it was held back shifts the ones after it: no burst makes up for it.
         """
-        late = self.last_due is None or now - due > LATENESS
+        late = self.last_due is None or now - due > JITTER_TOLERANCE
         self.last_due = now if late else due
         self.last_sent_at = now
         self.sent += 1
@@ -70,7 +70,7 @@ class Stream:
 
 
 @dataclass
-class Claims:
+class AckFilter:
     """How much one learner says it has learned, and how much of that is believed. Times as in ``Stream``.
 
     What is said may contradict what was said just before, by falling, or what was sent, by exceeding it. Either the
@@ -79,23 +79,23 @@ class Claims:
     """
 
     patience: float
-    doubted_since: float | None = None
+    suspect_since: float | None = None
     _heard: deque[tuple[float, int]] = field(default_factory=deque)
 
-    def believed(self, learned: int, sent: int, now: float) -> int | None:
+    def accepted(self, learned: int, sent: int, now: float) -> int | None:
         """What counts now that the learner says ``learned``, and ``sent`` were sent; None: nothing does yet."""
         self._heard.append((now, learned))
         while now - self._heard[0][0] > self.patience:
             self._heard.popleft()
         lately = [number for _, number in self._heard]
         if learned <= sent:
-            self.doubted_since = None
-        elif self.doubted_since is None:
-            self.doubted_since = now
-        if self.doubted_since is not None and now - self.doubted_since < self.patience:
+            self.suspect_since = None
+        elif self.suspect_since is None:
+            self.suspect_since = now
+        if self.suspect_since is not None and now - self.suspect_since < self.patience:
             return min((number for number in lately if number <= sent), default=None)
         return min(lately) if any(later < before for before, later in pairwise(lately)) else learned
 
 
-LATENESS = 0.05
+JITTER_TOLERANCE = 0.05
 """Seconds of lateness that ordinary timers have and that the following demonstrations make up for."""

@@ -3,7 +3,7 @@
 A file holds the arrays of a session and says in its metadata whose they are. safetensors notices a file cut short;
 a SHA-256 of the arrays notices any other damage. The files of the last iterations stay. The newest is where a restarted
 learner goes on, and the two before are its reserve. Still older ones answer neighbours that missed something: they hold
-theta and omega alone, for what a policy finder remembers may be megabytes.
+theta and omega alone, for what a planner remembers may be megabytes.
 """
 
 import fcntl

@@ -28,8 +28,8 @@ from mabirds_msgs_py import topics
 from mabirds_msgs_py.conversion import read_demonstration
 from mabirds_msgs_py.environment import prepare_environment
 from mabirds_msgs_py.node_main import run_node
-from mabirds_msgs_py.presence import Presence
-from mabirds_msgs_py.qos import LEASE, latched
+from mabirds_msgs_py.presence import LivelinessMonitor
+from mabirds_msgs_py.qos import LIVELINESS_LEASE, latched
 from mabirds_msgs_py.ros_parameters import flag, text, whole
 
 DUPLICATE_NAME = "duplicate_name"
@@ -45,7 +45,7 @@ class LearnerNode(ProgressNode):
         super().__init__("learner", **node_options)
         self._declare_parameters()
         self.parameter_history = self.get_param("parameter_history") or default_history(self.schedule)
-        self.presence = Presence(self._on_presence)
+        self.presence = LivelinessMonitor(self._on_presence)
         self.session, self._exchange = self._session_and_exchange()
         self._checkpoints = self._open_checkpoints()
         self.start(self.session.learner.game, self.parameter_history)
@@ -124,14 +124,14 @@ class LearnerNode(ProgressNode):
             self.schedule_next_step()
 
     def _on_presence(self, name: str) -> None:
-        alive = not self.presence.is_gone(name)
-        self.set_event(f"{name} is {'back' if alive else f'gone: silent for {LEASE:g} s'}")
+        alive = not self.presence.is_lost(name)
+        self.set_event(f"{name} is {'back' if alive else f'gone: silent for {LIVELINESS_LEASE:g} s'}")
         self._exchange.on_presence(name, alive=alive)
         self.schedule_next_step()
 
     def on_timer(self) -> None:
         """Say that this learner lives, and mend what has been missing since the last time."""
-        for name in self.presence.doubled():
+        for name in self.presence.duplicates():
             self.count_drop(DUPLICATE_NAME, f"several processes publish as {name}; end all but one")
         self.publish_status()
         self._exchange.on_timer()

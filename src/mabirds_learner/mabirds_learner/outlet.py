@@ -8,7 +8,7 @@ from builtin_interfaces.msg import Time
 from mabirds_core.errors import RefusedMessageError
 from mabirds_learner.exchange import Call, OnMessage, Publish, Timer
 from mabirds_learner.progress_node import ProgressNode
-from mabirds_msgs_py.presence import Presence
+from mabirds_msgs_py.presence import LivelinessMonitor
 from mabirds_msgs_py.qos import announced, latched
 
 
@@ -17,7 +17,7 @@ class NodeOutlet:
     """``history``: messages kept for those who come late. ``presence``: told of every neighbour that is heard."""
 
     node: ProgressNode
-    presence: Presence
+    presence: LivelinessMonitor
     history: int
 
     def publisher(self, message_type: type, topic: str) -> Publish:

@@ -45,7 +45,7 @@ class PushSumExchange:
         for receiver in sorted({receiver for sender, receiver in schedule.all_edges if sender == own}):
             name = schedule.learners[receiver]
             self._publishers[name] = self._outlet.publisher(Mass, topics.mass(name))
-        for name in (schedule.learners[sender] for sender in schedule.ever_in_neighbours(own)):
+        for name in (schedule.learners[sender] for sender in schedule.all_in_neighbours(own)):
             self._outlet.subscribe(Mass, name, topics.mass(learner_name), partial(self._on_mass, name))
         self._outlet.subscribe_to_all(Membership, topics.MEMBERSHIP, self._on_membership, MEMBERSHIP_HISTORY)
         self._timer = self._outlet.timer(self._patience, self._on_patience)

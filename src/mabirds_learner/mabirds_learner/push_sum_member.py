@@ -18,7 +18,7 @@ import numpy as np
 from mabirds_core.algorithm.learner import Learner
 from mabirds_core.algorithm.storage import from_arrays
 from mabirds_core.arrays import Array
-from mabirds_core.consensus.membership import among
+from mabirds_core.consensus.membership import restrict
 from mabirds_core.consensus.push_sum import PushSumState, RunningSum
 from mabirds_core.consensus.push_sum_mixer import PushSumMixer
 from mabirds_core.consensus.schedule import EdgeSchedule
@@ -191,7 +191,7 @@ class PushSumMember:
         if epoch == self.epoch:
             raise RefusedMessageError("conflict", f"epoch {epoch} has begun with other members, {list(self.members)}")
         try:
-            return among(self._founding_schedule, members)
+            return restrict(self._founding_schedule, members)
         except ScheduleError as error:
             raise RefusedMessageError("impossible_schedule", f"epoch {epoch}: {error}") from None
 
@@ -226,4 +226,4 @@ class PushSumMember:
         self.members = tuple(names_at(learners, arrays["members"]))
         self._received_at = {learners[int(u)]: int(n) for u, n in arrays["taken_at"]}
         if self.is_member:
-            self._use(among(self._founding_schedule, self.members))
+            self._use(restrict(self._founding_schedule, self.members))

@@ -8,7 +8,7 @@ from mabirds_msgs.msg import Parameters as ParametersMessage
 from mabirds_msgs.srv import FetchParameters
 
 from mabirds_core.errors import RefusedMessageError
-from mabirds_core.texts import printable
+from mabirds_core.texts import sanitize
 from mabirds_learner.exchange import Call, Identity, Outlet
 from mabirds_learner.learner_session import LearnerSession
 from mabirds_learner.strict_member import StrictMember
@@ -36,7 +36,7 @@ class StrictExchange:
     def connect(self) -> None:
         """Listen to every learner that is an in-neighbour at some iteration."""
         schedule, own = self._identity.schedule, self._session.learner.index
-        for name in (schedule.learners[sender] for sender in schedule.ever_in_neighbours(own)):
+        for name in (schedule.learners[sender] for sender in schedule.all_in_neighbours(own)):
             self._outlet.subscribe(ParametersMessage, name, topics.PARAMETERS, partial(self._on_parameters, name))
             self._fetch[name] = self._outlet.caller(FetchParameters, name, topics.FETCH_PARAMETERS)
 
@@ -70,5 +70,5 @@ class StrictExchange:
         if response.found:
             self._on_parameters(name, response.parameters)
         else:
-            words = f"iteration {self._session.iteration} is missing: {printable(response.message)}"
+            words = f"iteration {self._session.iteration} is missing: {sanitize(response.message)}"
             self._outlet.set_event(words, log=False)

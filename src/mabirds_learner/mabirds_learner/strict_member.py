@@ -11,7 +11,7 @@ from mabirds_core.algorithm.learner import Learner
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.algorithm.storage import from_arrays
 from mabirds_core.arrays import Array
-from mabirds_core.consensus.schedule import EdgeSchedule, smallest_window
+from mabirds_core.consensus.schedule import EdgeSchedule, connectivity_window
 from mabirds_core.errors import ScheduleError
 from mabirds_learner.inbox import check_iteration
 from mabirds_learner.member import Limits, nothing
@@ -91,7 +91,7 @@ class StrictMember:
 
 def longest_lead(schedule: EdgeSchedule) -> int:
     """How far a learner can be ahead of another: a stalled one stops a second within B iterations, and so on."""
-    return smallest_window(schedule) * (len(schedule.learners) - 1)
+    return connectivity_window(schedule) * (len(schedule.learners) - 1)
 
 
 def default_history(schedule: EdgeSchedule) -> int:

@@ -20,7 +20,7 @@ from rclpy.serialization import deserialize_message
 
 from mabirds_core.errors import RefusedMessageError
 from mabirds_core.games.interface import ConstrainedMarkovGame, Trajectories
-from mabirds_core.texts import printable, shortened
+from mabirds_core.texts import sanitize, truncate
 from mabirds_core.yaml_files import read_yaml
 from mabirds_msgs_py.conversion import read_demonstration
 from mabirds_msgs_py.errors import BagError
@@ -41,13 +41,13 @@ DAMAGE = (
 )
 """What the readers raise on damaged files (lz4: RuntimeError; UnicodeDecodeError is a ValueError)."""
 
-LARGEST_CHUNK = 64 * 2**20
+MAX_CHUNK = 64 * 2**20
 """Bytes of a chunk's content: a few compressed bytes can stand for gigabytes. Usual chunks have less than one."""
 
 CHUNK_OVERHEAD = 49
 """Bytes of a chunk's record beside its data and the name of their compression."""
 
-LONGEST_LIST = 1000
+MAX_LIST = 1000
 """Characters of what an error says about the topics of a file."""
 
 REMEDY = "the file is damaged or was not closed; fetch it again or record it anew"
@@ -158,11 +158,11 @@ def _files(directory: Path) -> list[Path]:
         raise BagError(f"{metadata}: is not the metadata of a rosbag2 bag ({error})") from None
     if storage != "mcap":
         raise BagError(
-            f"{metadata}: storage {shortened(repr(storage))}, expected 'mcap'; convert the bag with `ros2 bag convert`"
+            f"{metadata}: storage {truncate(repr(storage))}, expected 'mcap'; convert the bag with `ros2 bag convert`"
         )
     if not _are_names(names):
         raise BagError(
-            f"{metadata}: relative_file_paths {shortened(repr(names))}, expected different names of files beside it"
+            f"{metadata}: relative_file_paths {truncate(repr(names))}, expected different names of files beside it"
         )
     return [directory / name for name in names]
 
@@ -231,7 +231,7 @@ def _records(stream: _BoundedFile) -> Iterator[McapRecord]:
     for record in StreamReader(stream, emit_chunks=True, validate_crcs=True).records:
         yield record
         if isinstance(record, Chunk):
-            if record.uncompressed_size > LARGEST_CHUNK or _declared_size(record) != record.uncompressed_size:
+            if record.uncompressed_size > MAX_CHUNK or _declared_size(record) != record.uncompressed_size:
                 raise McapError(f"a chunk of {record.uncompressed_size} bytes that has another size, or is too large")
             yield from breakup_chunk(record, validate_crc=True)
 
@@ -246,7 +246,7 @@ def _declared_size(chunk: Chunk) -> int:
             return lz4.frame.get_frame_info(chunk.data)["content_size"] or chunk.uncompressed_size
         case "":
             return len(chunk.data)
-    raise McapError(f"compression {shortened(chunk.compression)!r}, expected zstd, lz4 or none")
+    raise McapError(f"compression {truncate(chunk.compression)!r}, expected zstd, lz4 or none")
 
 
 def _guarded(file: Path, read: Callable[[], Result]) -> Result:
@@ -258,8 +258,8 @@ def _guarded(file: Path, read: Callable[[], Result]) -> Result:
 
 def _reason(error: Exception) -> str:
     if isinstance(error, KeyError):  # its text is the key alone
-        return f"{printable(str(error))} is named in it, and is not there"
-    return printable(str(error)) or type(error).__name__
+        return f"{sanitize(str(error))} is named in it, and is not there"
+    return sanitize(str(error)) or type(error).__name__
 
 
 def _intact(file: Path) -> str:
@@ -271,8 +271,8 @@ def _intact(file: Path) -> str:
                 topics[record.id] = record.topic
             elif isinstance(record, Message):
                 counts[topics[record.channel_id]] += 1
-    intact = [f"topic {printable(topic)}: iteration {counts[topic]}" for topic in sorted(counts)]
-    return "intact up to " + (shortened(", ".join(intact), LONGEST_LIST) or "no iteration of any topic")
+    intact = [f"topic {sanitize(topic)}: iteration {counts[topic]}" for topic in sorted(counts)]
+    return "intact up to " + (truncate(", ".join(intact), MAX_LIST) or "no iteration of any topic")
 
 
 def _check_type(file: Path, topic: str, schema: Any, channel: Any) -> None:
@@ -281,7 +281,7 @@ def _check_type(file: Path, topic: str, schema: Any, channel: Any) -> None:
     found_hash = channel.metadata.get("topic_type_hash", expected_hash)
     if (found, found_hash) != (expected, expected_hash):
         raise BagError(
-            f"{file}: topic {topic}: type {printable(found)} ({printable(found_hash)}), expected {expected}"
+            f"{file}: topic {topic}: type {sanitize(found)} ({sanitize(found_hash)}), expected {expected}"
             f" ({expected_hash});"
             " record the bag anew with this version"
         )

@@ -15,7 +15,7 @@ from mabirds_core.consensus.schedule import EdgeSchedule, End, require_size
 from mabirds_core.consensus.weights import Edge
 from mabirds_core.errors import ImpossibleTrajectoryError, RefusedMessageError, ScheduleError
 from mabirds_core.games.interface import ConstrainedMarkovGame, Trajectories
-from mabirds_core.texts import printable, shortened
+from mabirds_core.texts import sanitize, truncate
 
 NANOSECONDS = 1_000_000_000
 
@@ -134,7 +134,7 @@ def _vector(name: str, values: array) -> NDArray[np.float64]:
 
 def _require(reason: str, what: str, given: str, expected: str) -> None:
     if given != expected:
-        raise RefusedMessageError(reason, f"{what} {shortened(given)!r}, expected {expected!r}")
+        raise RefusedMessageError(reason, f"{what} {truncate(given)!r}, expected {expected!r}")
 
 
 def schedule_message(schedule: EdgeSchedule) -> EdgeScheduleMessage:
@@ -162,8 +162,8 @@ def read_schedule(message: EdgeScheduleMessage) -> EdgeSchedule:
             slots[slot].add((sender, receiver))
         candidates = [EdgeSchedule(tuple(message.learners), tuple(map(frozenset, slots)), end) for end in ENDS]
     except ScheduleError as error:
-        raise RefusedMessageError("impossible_schedule", printable(str(error))) from None
+        raise RefusedMessageError("impossible_schedule", sanitize(str(error))) from None
     found = [schedule for schedule in candidates if schedule.digest == message.digest]
     if not found:
-        raise RefusedMessageError("wrong_schedule", f"digest {shortened(message.digest)!r} is not that of its content")
+        raise RefusedMessageError("wrong_schedule", f"digest {truncate(message.digest)!r} is not that of its content")
     return found[0]

@@ -8,10 +8,10 @@ from mabirds_msgs.msg import Mass, Membership
 from mabirds_core.arrays import Vector
 from mabirds_core.consensus.push_sum import RunningSum
 from mabirds_core.errors import RefusedMessageError
-from mabirds_core.texts import shortened
+from mabirds_core.texts import truncate
 from mabirds_msgs_py.conversion import floats
 
-LARGEST_SUM = 1e20
+MAX_SUM = 1e20
 """Sums over a million iterations of the largest parameters stay below this."""
 
 
@@ -38,7 +38,7 @@ def read_mass(
         ("wrong_schedule", "schedule digest", message.schedule_digest, schedule_digest),
     ):
         if given != expected:
-            raise RefusedMessageError(reason, f"{what} {shortened(given)!r}, expected {expected!r}")
+            raise RefusedMessageError(reason, f"{what} {truncate(given)!r}, expected {expected!r}")
     return RunningSum(_numbers("total", message.total, size), _numbers("rest", message.rest, size))
 
 
@@ -48,8 +48,8 @@ def _numbers(name: str, values: array, size: int) -> Vector:
         raise RefusedMessageError("wrong_shape", f"{name}: {numbers.size} numbers, expected {size}")
     if not np.isfinite(numbers).all():
         raise RefusedMessageError("not_finite", f"{name}: expected finite numbers")
-    if (np.abs(numbers) > LARGEST_SUM).any():
-        raise RefusedMessageError("too_large", f"{name}: expected at most {LARGEST_SUM:g} in absolute value")
+    if (np.abs(numbers) > MAX_SUM).any():
+        raise RefusedMessageError("too_large", f"{name}: expected at most {MAX_SUM:g} in absolute value")
     return numbers
 
 
@@ -63,6 +63,6 @@ def read_membership(message: Membership, experiment_digest: str) -> list[str]:
     if message.experiment_digest != experiment_digest:
         raise RefusedMessageError(
             "wrong_experiment",
-            f"experiment digest {shortened(message.experiment_digest)!r}, expected {experiment_digest!r}",
+            f"experiment digest {truncate(message.experiment_digest)!r}, expected {experiment_digest!r}",
         )
     return list(message.members)

@@ -7,10 +7,10 @@ from typing import Any
 
 from rclpy.event_handler import SubscriptionEventCallbacks
 
-from mabirds_msgs_py.qos import LEASE
+from mabirds_msgs_py.qos import LIVELINESS_LEASE
 
 
-class Presence:
+class LivelinessMonitor:
     """Counts the living publishers of each name.
 
     ``on_change``: called with a name whose publishers have all gone, or of which the first has come back.
@@ -35,11 +35,11 @@ class Presence:
         if before is not None and (before == 0) != (now == 0):
             self._on_change(name)
 
-    def is_gone(self, name: str) -> bool:
-        """Was it there, and has nothing been heard of it for LEASE seconds?"""
+    def is_lost(self, name: str) -> bool:
+        """Was it there, and has nothing been heard of it for LIVELINESS_LEASE seconds?"""
         return self._alive.get(name) == 0
 
-    def doubled(self) -> list[str]:
+    def duplicates(self) -> list[str]:
         """Names that several living processes publish under; not one that was killed and started again just now."""
         now = time.monotonic()
-        return [name for name, since in self._doubled_since.items() if now - since > 2 * LEASE]
+        return [name for name, since in self._doubled_since.items() if now - since > 2 * LIVELINESS_LEASE]

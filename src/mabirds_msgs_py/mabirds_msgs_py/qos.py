@@ -3,7 +3,7 @@
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
 
-LEASE = 3.0
+LIVELINESS_LEASE = 3.0
 """Seconds of silence after which the middleware calls a process dead."""
 
 
@@ -18,10 +18,10 @@ def latched(depth: int) -> QoSProfile:
 
 
 def announced(depth: int) -> QoSProfile:
-    """``latched``, and the middleware tells within LEASE seconds when the publisher's process is gone."""
+    """``latched``, and the middleware tells within LIVELINESS_LEASE seconds when the publisher's process is gone."""
     profile = latched(depth)
     profile.liveliness = LivelinessPolicy.AUTOMATIC
-    profile.liveliness_lease_duration = Duration(seconds=LEASE)
+    profile.liveliness_lease_duration = Duration(seconds=LIVELINESS_LEASE)
     return profile
 
 

@@ -193,7 +193,7 @@ def shipped() -> Experiment:
     return load_experiment(REPOSITORY / "ros_ws" / "config" / "drones.yaml")
 
 
-def test_the_cases_are_all_methods_by_either_finder_and_variations() -> None:
+def test_the_cases_are_all_methods_by_either_planner_and_variations() -> None:
     main = shipped()
     by_group: dict[str, dict[str, Case]] = {}
     for case in all_cases(main, main):
@@ -265,7 +265,7 @@ def mabirds(*arguments: object, cwd: Path) -> "subprocess.CompletedProcess[str]"
 def files(make_drone_experiment: MakeExperiment) -> tuple[Path, Path]:
     """The experiment, and the same by soft actor-critic beside it."""
     quick = {"baselines": {"ftl": {"most_steps": 2}, "dlm": {"most_steps": 2}}}
-    main, sac = (make_drone_experiment(finder, name=finder) for finder in ("lattice", "soft_actor_critic"))
+    main, sac = (make_drone_experiment(planner, name=planner) for planner in ("lattice", "soft_actor_critic"))
     main.write_text(main.read_text(encoding="utf-8") + json.dumps(quick)[1:-1] + "\n", encoding="utf-8")
     return main, Path(shutil.copy(sac, main.with_name("experiment_sac.yaml")))
 

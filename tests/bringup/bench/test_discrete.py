@@ -12,7 +12,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from mabirds_bringup.bench.cases import Case, shortened
+from mabirds_bringup.bench.cases import Case, truncate
 from mabirds_bringup.bench.discrete.cases import AS_WRITTEN, HARD, MAIN, VARIATIONS, all_cases
 from mabirds_bringup.bench.discrete.figures import error_curves
 from mabirds_bringup.bench.discrete.outcome import run_case
@@ -176,7 +176,7 @@ def test_a_result_is_what_the_simulation_came_to(make_experiment: Callable[..., 
         np.testing.assert_allclose(array_of(own, "visits").sum(axis=1), 1, atol=1e-4)
     rates, others = (of.filter(metric="success_rate", learner="learner_1")["value"] for of in (first, other))
     assert not rates.equals(others)
-    assert shortened(experiment, 2).iterations == 2
+    assert truncate(experiment, 2).iterations == 2
 
 
 def test_the_command_writes_a_report(make_experiment: Callable[..., Path], tmp_path: Path) -> None:

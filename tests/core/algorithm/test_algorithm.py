@@ -17,9 +17,9 @@ from mabirds_core.consensus.strict import StrictMixer, StrictState
 from mabirds_core.errors import DivergenceError, ScheduleError
 from mabirds_core.games.interface import Trajectories, Visitation, discounted_visitation
 from mabirds_core.games.patrol.game import PatrolGame
-from mabirds_core.planners.interface import Expectation, Policy
-from mabirds_core.planners.occupancy import SampledExpectation, rollouts
-from mabirds_core.planners.soft_bellman import SoftBellmanFinder, soft_bellman_policy
+from mabirds_core.planners.interface import OccupancyEstimator, Policy
+from mabirds_core.planners.occupancy import SampledOccupancy, rollouts
+from mabirds_core.planners.soft_bellman import SoftBellmanPlanner, soft_bellman_policy
 from mabirds_core.rewards.models import LinearReward
 
 STEPS = StepSizes(alpha=3.0, beta=0.7, eta1=0.6, eta2=0.9)
@@ -50,12 +50,12 @@ def some_trajectories(game: PatrolGame, count: int, seed: int) -> Trajectories:
     return rollouts(game, uniform, count, np.random.default_rng(seed))
 
 
-def learner(index: int, window: int = 1, seed: int = 5, expectation: Expectation | None = None) -> Learner:
+def learner(index: int, window: int = 1, seed: int = 5, expectation: OccupancyEstimator | None = None) -> Learner:
     game = hallway()
     reward = LinearReward(game.reward_features)
-    finder = SoftBellmanFinder(game, reward, game.cost_features)
-    sampled = expectation or SampledExpectation(game, 4)
-    estimator, mixer = GradientEstimator(game, reward, finder, sampled), StrictMixer(NAMES[index], SCHEDULE)
+    planner = SoftBellmanPlanner(game, reward, game.cost_features)
+    sampled = expectation or SampledOccupancy(game, 4)
+    estimator, mixer = GradientEstimator(game, reward, planner, sampled), StrictMixer(NAMES[index], SCHEDULE)
     return Learner(index, estimator, mixer, STEPS, window, seed)
 
 
@@ -135,7 +135,7 @@ def test_an_update_uses_rollouts_of_the_policy_of_its_own_parameters_and_generat
         random_parameters(9),
         some_trajectories(game, 1, seed=1),
     )
-    policy = one.estimator.finder.find(*own)
+    policy = one.estimator.planner.plan(*own)
     imagined = rollouts(game, policy, 4, np.random.default_rng([5, 1, 2]))
     found = one.step(state_at(2, own), demonstration, {}).gradient
     both = naive_totals(game, imagined), naive_totals(game, demonstration)

@@ -19,8 +19,8 @@ from mabirds_core.consensus.schedule import EdgeSchedule
 from mabirds_core.consensus.strict import StrictMixer, StrictState
 from mabirds_core.games.interface import Trajectories, discounted_visitation
 from mabirds_core.games.patrol.game import PatrolGame
-from mabirds_core.planners.occupancy import ExactExpectation, rollouts
-from mabirds_core.planners.soft_bellman import SoftBellmanFinder, SoftBellmanPolicy, soft_bellman_policy
+from mabirds_core.planners.occupancy import ExactOccupancy, rollouts
+from mabirds_core.planners.soft_bellman import SoftBellmanPlanner, SoftBellmanPolicy, soft_bellman_policy
 from mabirds_core.rewards.models import LinearReward
 
 TOLERANCE = 2e-9
@@ -45,8 +45,8 @@ def some_trajectories(game: PatrolGame, count: int) -> list[Trajectories]:
     return [rollouts(game, uniform, 1, np.random.default_rng(seed)) for seed in range(count)]
 
 
-def policy_of(game: PatrolGame, parameters: Parameters) -> SoftBellmanPolicy:
-    return SoftBellmanFinder(game, LinearReward(game.reward_features), game.cost_features).find(*parameters)
+def evaluation_policy(game: PatrolGame, parameters: Parameters) -> SoftBellmanPolicy:
+    return SoftBellmanPlanner(game, LinearReward(game.reward_features), game.cost_features).plan(*parameters)
 
 
 def totals(game: PatrolGame, trajectory: Trajectories) -> Parameters:
@@ -57,9 +57,9 @@ def totals(game: PatrolGame, trajectory: Trajectories) -> Parameters:
 
 def exact_learner(game: PatrolGame, window: int) -> Learner:
     reward = LinearReward(game.reward_features)
-    finder = SoftBellmanFinder(game, reward, game.cost_features)
+    planner = SoftBellmanPlanner(game, reward, game.cost_features)
     schedule, steps = EdgeSchedule(("alone",), (frozenset(),)), StepSizes(alpha=1, beta=1)
-    estimator = GradientEstimator(game, reward, finder, ExactExpectation(game))
+    estimator = GradientEstimator(game, reward, planner, ExactOccupancy(game))
     return Learner(0, estimator, StrictMixer("alone", schedule), steps, window, seed=0)
 
 
@@ -80,7 +80,7 @@ def assert_close(found: Parameters, expected: Parameters) -> None:
 
 def log_likelihood(game: PatrolGame, trajectory: Trajectories) -> Objective:
     """sum_t gamma^t log pi_t(a_t | s_t) as a function of theta and omega."""
-    return lambda at: float(discounted_sums(game, log_likelihoods(policy_of(game, at), trajectory))[0])
+    return lambda at: float(discounted_sums(game, log_likelihoods(evaluation_policy(game, at), trajectory))[0])
 
 
 def dual(game: PatrolGame, demonstrations: list[Trajectories]) -> Objective:
@@ -90,7 +90,7 @@ def dual(game: PatrolGame, demonstrations: list[Trajectories]) -> Objective:
     )
 
     def value(at: Parameters) -> float:
-        expected_value = game.initial_distribution @ policy_of(game, at).values[0]
+        expected_value = game.initial_distribution @ evaluation_policy(game, at).values[0]
         return float(expected_value - at.theta @ mean.theta - at.omega @ mean.omega)
 
     return value
@@ -105,7 +105,7 @@ def test_gradient_of_the_log_likelihood_is_that_of_the_trajectory_less_its_expec
     (trajectory,) = some_trajectories(game, 1)
     own, visitation = (
         totals(game, trajectory),
-        ExactExpectation(game)(policy_of(game, at), np.random.default_rng()),
+        ExactOccupancy(game)(evaluation_policy(game, at), np.random.default_rng()),
     )
     expected = game.reward_features.total(visitation), game.cost_features.total(visitation)
     found = Parameters(own.theta - expected[0], own.omega - expected[1])

@@ -8,7 +8,7 @@ from mabirds_core.algorithm.gradient import stacked
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.experiment.assembly import build_game, build_learner
 from mabirds_core.games.interface import Trajectories, discounted_visitation
-from mabirds_core.planners.occupancy import ExactExpectation, SampledExpectation, rollouts
+from mabirds_core.planners.occupancy import ExactOccupancy, SampledOccupancy, rollouts
 
 
 def test_rollouts_begin_at_the_given_starts_equally_often() -> None:
@@ -30,14 +30,14 @@ def test_the_exact_expectation_from_a_start_is_that_of_all_trajectories_from_it(
         * game.cost_features.total(discounted_visitation(Trajectories(states[None], actions[None]), game.discount))
         for states, actions, chance in zip(everything.states[here], everything.actions[here], chances, strict=True)
     )
-    exact = ExactExpectation(game)(policy, np.random.default_rng(), np.array([start]))
+    exact = ExactOccupancy(game)(policy, np.random.default_rng(), np.array([start]))
     np.testing.assert_allclose(game.cost_features.total(exact), expected, atol=1e-12)
 
 
 def test_averaged_over_p0_both_kinds_of_start_give_the_same_expectation() -> None:
     game = hallway()
     policy, rng = random_policy(game, np.random.default_rng(0)), np.random.default_rng(0)
-    expectation = ExactExpectation(game)
+    expectation = ExactOccupancy(game)
     by_start = sum(
         game.initial_distribution[start] * game.cost_features.total(expectation(policy, rng, np.array([start])))
         for start in np.flatnonzero(game.initial_distribution)
@@ -48,7 +48,7 @@ def test_averaged_over_p0_both_kinds_of_start_give_the_same_expectation() -> Non
 def test_the_difference_to_a_demonstration_varies_less_from_its_own_start() -> None:
     game = hallway()
     policy, rng = random_policy(game, np.random.default_rng(0)), np.random.default_rng(1)
-    expectation, spread = SampledExpectation(game, 20), {}
+    expectation, spread = SampledOccupancy(game, 20), {}
     seen = rollouts(game, policy, 300, rng)
     for own in (False, True):
         differences = [
@@ -73,9 +73,9 @@ def test_a_learner_rolls_out_from_the_starts_of_its_window() -> None:
     first, second = demonstrations(settings)["ann"][:2]
     state = learner.step(learner.initial_state(), first, others(learner.initial_state().parameters)).state
     found = learner.step(state, second, others(state.parameters)).gradient
-    policy = learner.estimator.finder.find(*state.parameters)
+    policy = learner.estimator.planner.plan(*state.parameters)
     own_starts = np.array([first.states[0, 0], second.states[0, 0]])
-    imagined = ExactExpectation(game)(policy, np.random.default_rng(), own_starts)
+    imagined = ExactOccupancy(game)(policy, np.random.default_rng(), own_starts)
     observed = discounted_visitation(stacked([second, first]), game.discount)
     expected = game.cost_features.total(imagined) - game.cost_features.total(observed)
     np.testing.assert_allclose(found.omega, expected, atol=1e-12)

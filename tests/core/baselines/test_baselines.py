@@ -18,13 +18,13 @@ from mabirds_core.baselines.me_greedy import MeGreedy, violation_probabilities
 from mabirds_core.consensus.generators import complete_edges, static
 from mabirds_core.consensus.strict import StrictMixer
 from mabirds_core.errors import ExperimentError
-from mabirds_core.experiment.assembly import build_method, method_names, policy_of
+from mabirds_core.experiment.assembly import build_method, evaluation_policy, method_names
 from mabirds_core.experiment.simulate import simulate, simulate_central
 from mabirds_core.games.interface import Trajectories, discounted_visitation
 from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_core.metrics.metrics import exact_imitation
-from mabirds_core.planners.occupancy import ExactExpectation, rollouts
-from mabirds_core.planners.soft_bellman import SoftBellmanFinder, soft_bellman_policy
+from mabirds_core.planners.occupancy import ExactOccupancy, rollouts
+from mabirds_core.planners.soft_bellman import SoftBellmanPlanner, soft_bellman_policy
 from mabirds_core.rewards.models import LinearReward
 
 STEPS = StepSizes(alpha=2.0, beta=0.8, eta1=0.6, eta2=0.7)
@@ -32,7 +32,7 @@ STEPS = StepSizes(alpha=2.0, beta=0.8, eta1=0.6, eta2=0.7)
 
 def estimator(game: PatrolGame) -> GradientEstimator:
     reward = LinearReward(game.reward_features)
-    return GradientEstimator(game, reward, SoftBellmanFinder(game, reward, game.cost_features), ExactExpectation(game))
+    return GradientEstimator(game, reward, SoftBellmanPlanner(game, reward, game.cost_features), ExactOccupancy(game))
 
 
 def one_start() -> PatrolGame:
@@ -50,10 +50,10 @@ def gradient_by_differences(game: PatrolGame, at: Parameters, observed: Trajecto
     """Of G = E V_0 - theta^T f(D) - omega^T mu(D), by central finite differences."""
     seen = discounted_visitation(observed, game.discount)
     of_reward, of_cost = game.reward_features.total(seen), game.cost_features.total(seen)
-    finder = estimator(game).finder
+    planner = estimator(game).planner
 
     def loss(theta: Vector, omega: Vector) -> float:
-        values = finder.find(theta, omega).values[0]  # type: ignore[attr-defined]
+        values = planner.plan(theta, omega).values[0]  # type: ignore[attr-defined]
         return float(game.initial_distribution @ values - theta @ of_reward - omega @ of_cost)
 
     return Parameters(
@@ -303,9 +303,9 @@ def test_central_methods_imitate_at_least_as_well_as_learners_alone() -> None:
     learners = simulate(settings, streams)
     game = build_method(settings, "me_greedy").game  # type: ignore[attr-defined]
     worst = min(
-        exact_imitation(game, policy_of(settings, name, game)(history[-1])).success_rate
+        exact_imitation(game, evaluation_policy(settings, name, game)(history[-1])).success_rate
         for name, history in learners.items()
     )
     for name in ("bics", "ftl", "dlm"):
         final = simulate_central(settings, name, streams)[name][-1]
-        assert exact_imitation(game, policy_of(settings, name, game)(final)).success_rate >= worst - 0.1
+        assert exact_imitation(game, evaluation_policy(settings, name, game)(final)).success_rate >= worst - 0.1

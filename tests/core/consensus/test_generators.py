@@ -13,10 +13,10 @@ from mabirds_core.consensus.generators import directed_ring, gossip, random_matc
 from mabirds_core.consensus.schedule import (
     EdgeSchedule,
     both_ways,
+    connectivity_window,
     contraction,
     delivered_edges,
     differences,
-    smallest_window,
     validate,
 )
 from mabirds_core.errors import ScheduleError
@@ -48,7 +48,7 @@ def test_random_matchings_pair_all_learners_but_at_most_one(count: int, seed: in
         assert len(slot) == 2 * (count // 2)
         assert max(dict(graph.out_degree()).values()) == 1
         assert slot == both_ways(sorted(slot))
-    assert smallest_window(schedule) <= 12
+    assert connectivity_window(schedule) <= 12
 
 
 @given(st.integers(2, 6), st.integers(0, 1000))
@@ -72,7 +72,7 @@ def test_too_few_slots_are_refused_with_a_number_that_may_do() -> None:
 def test_a_schedule_that_repeats_begins_again() -> None:
     schedule = EdgeSchedule(NAMES, LINE)
     assert [schedule.edges(n) for n in range(1, 6)] == [LINE[0], LINE[1], LINE[0], LINE[1], LINE[0]]
-    assert smallest_window(schedule) == 2
+    assert connectivity_window(schedule) == 2
 
 
 def test_a_schedule_that_holds_keeps_its_last_slot() -> None:
@@ -80,7 +80,7 @@ def test_a_schedule_that_holds_keeps_its_last_slot() -> None:
     schedule = EdgeSchedule(NAMES, (*LINE, everything), end="hold")
     assert [schedule.edges(n) for n in range(1, 6)] == [*LINE, everything, everything, everything]
     np.testing.assert_array_equal(schedule.weights(9), schedule.weights(3))
-    assert smallest_window(schedule) == 2
+    assert connectivity_window(schedule) == 2
 
 
 def test_a_last_slot_that_is_held_must_connect_all() -> None:
@@ -98,8 +98,8 @@ def test_a_schedule_that_stops_has_no_iteration_after_its_slots() -> None:
 def test_windows_of_a_schedule_that_stops_do_not_wrap_around() -> None:
     edge, nothing = both_ways([(0, 1)]), frozenset[tuple[int, int]]()
     slots = (nothing, edge, nothing)
-    assert smallest_window(EdgeSchedule(("a", "b"), slots, end="stop")) == 2
-    assert smallest_window(EdgeSchedule(("a", "b"), slots)) == 3
+    assert connectivity_window(EdgeSchedule(("a", "b"), slots, end="stop")) == 2
+    assert connectivity_window(EdgeSchedule(("a", "b"), slots)) == 3
 
 
 def test_ends_are_told_apart_by_digest() -> None:

@@ -17,10 +17,10 @@ from mabirds_core.consensus.schedule import (
     EdgeSchedule,
     End,
     both_ways,
+    connectivity_window,
     contraction,
     delivered_edges,
     require_size,
-    smallest_window,
     unreachable,
     validate,
 )
@@ -58,10 +58,10 @@ def test_the_smallest_window_is_that_of_brute_force(schedule: EdgeSchedule) -> N
     candidates = range(1, 2 * len(schedule.slots) + 1)
     fitting = [window for window in candidates if every_window_is_connected(schedule, window)]
     if fitting:
-        assert smallest_window(schedule) == fitting[0]
+        assert connectivity_window(schedule) == fitting[0]
     else:
         with pytest.raises(ScheduleError, match="Assumption 2"):
-            smallest_window(schedule)
+            connectivity_window(schedule)
 
 
 @given(schedules())
@@ -69,7 +69,7 @@ def test_the_refusal_names_learners_that_never_hear_of_each_other(schedule: Edge
     union = network((len(schedule.learners), frozenset(schedule.all_edges)))
     assume(not nx.is_strongly_connected(union))
     with pytest.raises(ScheduleError) as caught:
-        smallest_window(schedule)
+        connectivity_window(schedule)
     message = str(caught.value)
     silent = [
         f"nothing that {schedule.learners[u]} knows ever reaches {schedule.learners[v]}: the union of all slots is not"
@@ -110,7 +110,7 @@ def test_window_and_contraction_are_those_of_brute_force_whatever_follows_the_la
     lengths = range(1, len(schedule.slots) + 1)
     smallest = next(length for length in lengths if all(map(connects, windows(schedule, length))))
     report = validate(schedule)
-    assert report.window == smallest_window(schedule) == smallest
+    assert report.window == connectivity_window(schedule) == smallest
     worst = max(contraction([schedule.weights(n) for n in window]) for window in windows(schedule, smallest))
     assert report.contraction == pytest.approx(worst, abs=1e-12)
     assert report.contraction < 1
@@ -119,9 +119,9 @@ def test_window_and_contraction_are_those_of_brute_force_whatever_follows_the_la
 def test_windows_wrap_around_the_end_of_the_period() -> None:
     """Slots AB, AB, nothing, nothing: the window of slots 3, 4 needs a third, slots 3, 4, 1."""
     edge, nothing = both_ways([(0, 1)]), frozenset[Edge]()
-    assert smallest_window(EdgeSchedule(("a", "b"), (edge, edge, nothing, nothing))) == 3
-    assert smallest_window(EdgeSchedule(("a", "b"), (nothing, edge, edge, nothing))) == 3
-    assert smallest_window(EdgeSchedule(("a", "b"), (edge, nothing, edge, nothing))) == 2
+    assert connectivity_window(EdgeSchedule(("a", "b"), (edge, edge, nothing, nothing))) == 3
+    assert connectivity_window(EdgeSchedule(("a", "b"), (nothing, edge, edge, nothing))) == 3
+    assert connectivity_window(EdgeSchedule(("a", "b"), (edge, nothing, edge, nothing))) == 2
 
 
 def test_a_learner_alone_is_connected() -> None:
@@ -168,7 +168,7 @@ def test_in_neighbours_are_the_senders_of_the_edges_to_a_learner(schedule: EdgeS
             expected = sorted(network((len(schedule.learners), schedule.edges(n))).predecessors(learner))
             assert schedule.in_neighbours(learner, n) == expected
             ever.update(expected)
-        assert schedule.ever_in_neighbours(learner) == sorted(ever)
+        assert schedule.all_in_neighbours(learner) == sorted(ever)
 
 
 def test_the_edges_of_all_slots_are_sorted_and_named_once() -> None:
@@ -181,14 +181,14 @@ def test_nothing_hangs_on_the_order_in_which_edges_are_stored() -> None:
     edges = sorted(both_ways(complete_edges(9)))
     one, other = (EdgeSchedule(learners(9), (frozenset(order),)) for order in (edges, reversed(edges)))
     assert one.digest == other.digest
-    assert one.ever_in_neighbours(4) == other.in_neighbours(4, 1) == [0, 1, 2, 3, 5, 6, 7, 8]
-    assert EdgeSchedule(learners(9), (both_ways([(0, 8), (0, 1)]),)).ever_in_neighbours(0) == [1, 8]
+    assert one.all_in_neighbours(4) == other.in_neighbours(4, 1) == [0, 1, 2, 3, 5, 6, 7, 8]
+    assert EdgeSchedule(learners(9), (both_ways([(0, 8), (0, 1)]),)).all_in_neighbours(0) == [1, 8]
 
 
 def test_in_neighbours_by_hand() -> None:
     assert [TALKING.in_neighbours(1, n) for n in (1, 2, 3, 4)] == [[0, 2], [], [], [0, 2]]
     assert [TALKING.in_neighbours(2, n) for n in (1, 2, 3, 4)] == [[], [], [0, 1], []]
-    assert [TALKING.ever_in_neighbours(v) for v in range(3)] == [[1], [0, 2], [0, 1]]
+    assert [TALKING.all_in_neighbours(v) for v in range(3)] == [[1], [0, 2], [0, 1]]
 
 
 def test_weights_follow_the_slots_of_the_period() -> None:

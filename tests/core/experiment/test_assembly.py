@@ -7,7 +7,7 @@ from mabirds_core.algorithm.parameters import StepSizes
 from mabirds_core.consensus.strict import StrictMixer
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.assembly import build_game, build_learner
-from mabirds_core.planners.occupancy import ExactExpectation, SampledExpectation
+from mabirds_core.planners.occupancy import ExactOccupancy, SampledOccupancy
 
 
 def test_a_learner_has_the_settings_of_its_experiment() -> None:
@@ -23,9 +23,9 @@ def test_a_learner_has_the_settings_of_its_experiment() -> None:
 def test_the_expectation_is_that_of_the_settings() -> None:
     sampled = build_learner(experiment({"algorithm.rollouts": 17}), "ann").estimator.expectation
     exact = build_learner(experiment({"algorithm.expectation": "exact"}), "ann").estimator.expectation
-    assert isinstance(sampled, SampledExpectation)
+    assert isinstance(sampled, SampledOccupancy)
     assert sampled.count == 17
-    assert isinstance(exact, ExactExpectation)
+    assert isinstance(exact, ExactOccupancy)
 
 
 def test_a_game_that_is_given_is_used() -> None:

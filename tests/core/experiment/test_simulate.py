@@ -188,7 +188,7 @@ def test_learning_makes_the_demonstrations_likelier() -> None:
     streams = demonstrations(settings)
     history = simulate(settings, streams)
     learner = build_learner(settings, "ann")
-    uniform, learned = (learner.estimator.finder.find(*history["ann"][n]) for n in (0, settings.iterations))
+    uniform, learned = (learner.estimator.planner.plan(*history["ann"][n]) for n in (0, settings.iterations))
     every = [demonstration for stream in streams.values() for demonstration in stream]
 
     def log_likelihood(policy: Any) -> float:

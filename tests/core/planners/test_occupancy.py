@@ -21,8 +21,8 @@ from mabirds_core.errors import InfeasibleError
 from mabirds_core.games.interface import FeatureMap, TabularGame, Trajectories, discounted_visitation
 from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_core.planners.occupancy import (
-    ExactExpectation,
-    SampledExpectation,
+    ExactOccupancy,
+    SampledOccupancy,
     discounted_steps,
     occupancy_measure,
     rollouts,
@@ -104,14 +104,14 @@ def test_exact_totals_of_features_are_their_mean_over_all_trajectories(
 ) -> None:
     game = hallway()
     policy, trajectories = random_policy(game, rng()), all_trajectories(game)
-    exact = features(game).total(ExactExpectation(game)(policy, rng()))
+    exact = features(game).total(ExactOccupancy(game)(policy, rng()))
     expected = probabilities(game, policy, trajectories) @ totals(features(game), game, trajectories)
     np.testing.assert_allclose(exact, expected, rtol=0, atol=1e-12)
 
 
 def test_the_exact_visitation_lists_each_possible_pair_once() -> None:
     game = hallway()
-    visitation = ExactExpectation(game)(constrained_policy(game), rng())
+    visitation = ExactOccupancy(game)(constrained_policy(game), rng())
     pairs = list(zip(visitation.states.tolist(), visitation.actions.tolist(), strict=True))
     assert len(pairs) == len(set(pairs)) < game.n_states * game.n_actions
     assert (visitation.weights > 0).all()
@@ -138,7 +138,7 @@ def test_means_over_many_rollouts_approach_the_exact_totals(
     game, count = hallway(horizon=4), 4000
     policy = constrained_policy(game)
     drawn = totals(features(game), game, rollouts(game, policy, count, rng(5)))
-    exact = features(game).total(ExactExpectation(game)(policy, rng()))
+    exact = features(game).total(ExactOccupancy(game)(policy, rng()))
     standard_error = drawn.std(axis=0, ddof=1) / np.sqrt(count)
     assert (np.abs(drawn.mean(axis=0) - exact) <= 4.5 * standard_error + 1e-12).all()
     assert (standard_error > 0).sum() > 5
@@ -156,7 +156,7 @@ def test_rollouts_start_with_the_frequencies_of_the_initial_distribution() -> No
 def test_a_sampled_total_is_the_mean_over_its_rollouts(features: Callable[[PatrolGame], FeatureMap]) -> None:
     game = hallway()
     policy = random_policy(game, rng())
-    sampled = features(game).total(SampledExpectation(game, 30)(policy, rng(7)))
+    sampled = features(game).total(SampledOccupancy(game, 30)(policy, rng(7)))
     expected = totals(features(game), game, rollouts(game, policy, 30, rng(7))).mean(axis=0)
     np.testing.assert_allclose(sampled, expected, rtol=0, atol=1e-12)
 
@@ -198,7 +198,7 @@ def test_the_exact_expectation_of_a_game_in_which_all_is_blocked_is_infeasible_t
     """A visitation of no pairs would pass for an expectation of zero: rollouts refuse the same policy."""
     game = square()
     with pytest.raises(InfeasibleError):
-        ExactExpectation(game)(blocked_policy(game), rng())
+        ExactOccupancy(game)(blocked_policy(game), rng())
 
 
 def test_discounted_visitation_of_two_trajectories_by_hand() -> None:
@@ -212,7 +212,7 @@ def test_discounted_visitation_of_two_trajectories_by_hand() -> None:
 def test_weights_of_a_visitation_sum_to_the_discounted_steps() -> None:
     game = hallway()
     policy = constrained_policy(game)
-    for expectation in (ExactExpectation(game), SampledExpectation(game, 7)):
+    for expectation in (ExactOccupancy(game), SampledOccupancy(game, 7)):
         assert expectation(policy, rng()).weights.sum() == pytest.approx(discounted_steps(game), abs=1e-12)
 
 

@@ -22,7 +22,7 @@ from mabirds_core.games.interface import TabularGame
 from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_core.planners.interface import Policy
 from mabirds_core.planners.soft_bellman import (
-    SoftBellmanFinder,
+    SoftBellmanPlanner,
     log_sum_exp,
     soft_bellman_policy,
     soft_value_iteration,
@@ -233,11 +233,11 @@ def test_very_large_rewards_make_the_policy_greedy() -> None:
     np.testing.assert_allclose(rows[np.arange(game.n_states), best], 1, atol=1e-12)
 
 
-def test_the_finder_weighs_reward_features_by_theta_and_cost_features_by_omega() -> None:
+def test_the_planner_weighs_reward_features_by_theta_and_cost_features_by_omega() -> None:
     game, rng = hallway(), np.random.default_rng(4)
     model = LinearReward(game.reward_features)
     theta, omega = rng.normal(size=model.size), rng.normal(size=len(game.cost_features.names))
-    found = SoftBellmanFinder(game, model, game.cost_features).find(theta, omega)
+    found = SoftBellmanPlanner(game, model, game.cost_features).plan(theta, omega)
     reward = game.reward_features.table(theta) + game.cost_features.table(omega)
     np.testing.assert_array_equal(found.values, soft_bellman_policy(game, reward).values)
 

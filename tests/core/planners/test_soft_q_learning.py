@@ -17,8 +17,8 @@ from mabirds_core.experiment.simulate import simulate
 from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_core.metrics.metrics import exact_imitation, policy_distance
 from mabirds_core.planners.interface import Policy
-from mabirds_core.planners.soft_bellman import SoftBellmanFinder
-from mabirds_core.planners.soft_q_learning import ExploringPolicy, SoftQFinder, SoftQPolicy, backed_up
+from mabirds_core.planners.soft_bellman import SoftBellmanPlanner
+from mabirds_core.planners.soft_q_learning import ExploringPolicy, SoftQPlanner, SoftQPolicy, backed_up
 from mabirds_core.rewards.models import LinearReward
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -43,13 +43,13 @@ def rng(seed: int = 0) -> np.random.Generator:
     return np.random.default_rng(seed)
 
 
-def learning(game: PatrolGame, episodes: int = 200, sweeps: int = 4, exploration: float = 0.3) -> SoftQFinder:
+def learning(game: PatrolGame, episodes: int = 200, sweeps: int = 4, exploration: float = 0.3) -> SoftQPlanner:
     model = LinearReward(game.reward_features)
-    return SoftQFinder(game, model, game.cost_features, episodes, sweeps, exploration)
+    return SoftQPlanner(game, model, game.cost_features, episodes, sweeps, exploration)
 
 
-def exact(game: PatrolGame) -> SoftBellmanFinder:
-    return SoftBellmanFinder(game, LinearReward(game.reward_features), game.cost_features)
+def exact(game: PatrolGame) -> SoftBellmanPlanner:
+    return SoftBellmanPlanner(game, LinearReward(game.reward_features), game.cost_features)
 
 
 def random_parameters(game: PatrolGame, seed: int = 0, scale: float = 1.0) -> Parameters:
@@ -106,8 +106,8 @@ def test_the_policy_is_that_of_exact_soft_value_iteration_within_a_hundredth(
 ) -> None:
     game = build()
     parameters = random_parameters(game, seed, scale)
-    found = learning(game).find(*parameters, rng=rng(seed))
-    assert policy_distance(game, [found, exact(game).find(*parameters)]) < 0.01
+    found = learning(game).plan(*parameters, rng=rng(seed))
+    assert policy_distance(game, [found, exact(game).plan(*parameters)]) < 0.01
 
 
 @pytest.mark.parametrize("build", [square, long_hallway, alone, building], ids=lambda build: build.__name__)
@@ -115,8 +115,8 @@ def test_the_policy_is_that_of_exact_soft_value_iteration_within_a_hundredth(
 def test_values_are_exact_wherever_only_visited_states_can_be_reached(build: Build, episodes: int) -> None:
     game = build()
     parameters = random_parameters(game, scale=0.1)
-    policy = learning(game, episodes).find(*parameters, rng=rng())
-    whole, exact_values = seen_to_the_end(game, policy), exact(game).find(*parameters).values[:-1, visited(policy)]
+    policy = learning(game, episodes).plan(*parameters, rng=rng())
+    whole, exact_values = seen_to_the_end(game, policy), exact(game).plan(*parameters).values[:-1, visited(policy)]
     assert whole.mean() > 0.1
     np.testing.assert_allclose(policy.values[:-1, :-1][whole], exact_values[whole], rtol=0, atol=1e-9)
     if episodes == 1000:
@@ -162,7 +162,7 @@ def test_policies_of_any_visited_states_are_those_of_the_slow_recomputation(buil
 @every_game
 def test_probabilities_are_finite_and_sum_to_one_in_visited_and_unvisited_states(build: Build) -> None:
     game = build()
-    policy = learning(game, episodes=1, sweeps=1).find(*random_parameters(game), rng=rng())
+    policy = learning(game, episodes=1, sweeps=1).plan(*random_parameters(game), rng=rng())
     assert 0 < len(visited(policy)) < game.n_states
     assert_normalised(game, policy)
 
@@ -170,7 +170,7 @@ def test_probabilities_are_finite_and_sum_to_one_in_visited_and_unvisited_states
 @pytest.mark.parametrize("scale", [1e4, 1e99])
 def test_very_large_parameters_neither_overflow_nor_vanish(scale: float) -> None:
     game = hallway()
-    policy = learning(game, episodes=10, exploration=0.0).find(*random_parameters(game, scale=scale), rng=rng())
+    policy = learning(game, episodes=10, exploration=0.0).plan(*random_parameters(game, scale=scale), rng=rng())
     assert_normalised(game, policy)
 
 
@@ -178,7 +178,7 @@ def test_very_large_parameters_neither_overflow_nor_vanish(scale: float) -> None
 def test_equal_rewards_of_any_size_leave_actions_uniform(size: float) -> None:
     game = hallway()
     alike = Parameters(np.full(len(game.reward_features.names), size), np.zeros(len(game.cost_features.names)))
-    policy = learning(game).find(*alike, rng=rng())
+    policy = learning(game).plan(*alike, rng=rng())
     rows = policy.log_probabilities(0, visited(policy))
     np.testing.assert_allclose(rows, -np.log(game.n_actions), rtol=0, atol=1e-12)
 
@@ -196,7 +196,7 @@ def test_a_constant_reward_changes_neither_the_search_nor_its_policy(shift: floa
     game = building()
     plain = random_parameters(game)
     shifted = plain._replace(theta=plain.theta + shift / game.n_experts)
-    one, other = (learning(game, episodes=10, sweeps=3).find(*parameters, rng=rng()) for parameters in (plain, shifted))
+    one, other = (learning(game, episodes=10, sweeps=3).plan(*parameters, rng=rng()) for parameters in (plain, shifted))
     np.testing.assert_array_equal(one.visited, other.visited)
     gained = shift * np.array([sum(0.95**k for k in range(steps)) for steps in range(13, -1, -1)])
     np.testing.assert_allclose(other.values[:, :-1], one.values[:, :-1] + gained[:, None], rtol=0, atol=1e-9)
@@ -207,9 +207,9 @@ def test_from_a_policy_of_nearby_parameters_few_episodes_come_closer_than_from_n
     game = building()
     before = random_parameters(game, seed, scale=0.3)
     after = nearby(before, seed + 100, scale=0.03)
-    previous, few = learning(game).find(*before, rng=rng(seed)), learning(game, episodes=10, sweeps=1)
-    truth = exact(game).find(*after)
-    warm, cold = (policy_distance(game, [few.find(*after, start, rng(seed)), truth]) for start in (previous, None))
+    previous, few = learning(game).plan(*before, rng=rng(seed)), learning(game, episodes=10, sweeps=1)
+    truth = exact(game).plan(*after)
+    warm, cold = (policy_distance(game, [few.plan(*after, start, rng(seed)), truth]) for start in (previous, None))
     assert warm < 0.01
     assert cold > 0.1
 
@@ -217,34 +217,34 @@ def test_from_a_policy_of_nearby_parameters_few_episodes_come_closer_than_from_n
 def test_values_of_earlier_parameters_leave_no_trace() -> None:
     game = long_hallway()
     now = random_parameters(game, 1)
-    opposite = learning(game, exploration=1.0).find(-3 * now.theta, -3 * now.omega, rng=rng())
-    found = learning(game, episodes=1, sweeps=1).find(*now, opposite, rng())
-    assert policy_distance(game, [found, exact(game).find(*now)]) < 1e-9
+    opposite = learning(game, exploration=1.0).plan(-3 * now.theta, -3 * now.omega, rng=rng())
+    found = learning(game, episodes=1, sweeps=1).plan(*now, opposite, rng())
+    assert policy_distance(game, [found, exact(game).plan(*now)]) < 1e-9
 
 
 def test_two_sweeps_are_two_searches_of_one_sweep_the_second_from_the_first() -> None:
     game, parameters, draws = building(), random_parameters(building()), rng()
-    first = learning(game, episodes=5, sweeps=1).find(*parameters, rng=draws)
-    second = learning(game, episodes=5, sweeps=1).find(*parameters, first, draws)
-    assert_same_bits(learning(game, episodes=5, sweeps=2).find(*parameters, rng=rng()), second)
+    first = learning(game, episodes=5, sweeps=1).plan(*parameters, rng=draws)
+    second = learning(game, episodes=5, sweeps=1).plan(*parameters, first, draws)
+    assert_same_bits(learning(game, episodes=5, sweeps=2).plan(*parameters, rng=rng()), second)
 
 
 def test_a_search_is_decided_by_its_arguments_and_not_by_earlier_searches() -> None:
     game = building()
-    finder, before, after = learning(game, episodes=10), random_parameters(game, 0), random_parameters(game, 1)
-    previous = finder.find(*before, rng=rng())
-    first = finder.find(*after, previous, rng(1))
-    finder.find(*before, first, rng(2))
-    assert_same_bits(finder.find(*after, previous, rng(1)), first)
-    other = finder.find(*after, previous, rng(3))
+    planner, before, after = learning(game, episodes=10), random_parameters(game, 0), random_parameters(game, 1)
+    previous = planner.plan(*before, rng=rng())
+    first = planner.plan(*after, previous, rng(1))
+    planner.plan(*before, first, rng(2))
+    assert_same_bits(planner.plan(*after, previous, rng(1)), first)
+    other = planner.plan(*after, previous, rng(3))
     assert other.visited.tobytes() != first.visited.tobytes()
 
 
 def test_a_search_leaves_what_it_starts_from_as_it_was() -> None:
     game = building()
-    finder, parameters = learning(game, episodes=10), random_parameters(game)
-    previous, same = (finder.find(*parameters, rng=rng()) for _ in range(2))
-    finder.find(*parameters, previous, rng(1))
+    planner, parameters = learning(game, episodes=10), random_parameters(game)
+    previous, same = (planner.plan(*parameters, rng=rng()) for _ in range(2))
+    planner.plan(*parameters, previous, rng(1))
     assert_same_bits(previous, same)
     np.testing.assert_array_equal(parameters.theta, random_parameters(game).theta)
     np.testing.assert_array_equal(parameters.omega, random_parameters(game).omega)
@@ -252,19 +252,19 @@ def test_a_search_leaves_what_it_starts_from_as_it_was() -> None:
 
 def test_a_previous_policy_of_another_kind_or_game_is_a_fresh_start() -> None:
     game, parameters = building(), random_parameters(building())
-    finder = learning(game, episodes=5, sweeps=1)
+    planner = learning(game, episodes=5, sweeps=1)
     longer = patrol("....\n.##.\n....\n....", [((0, 0), (3, 3))], ((3, 3), (0, 0)), horizon=20, discount=0.95)
-    fresh = finder.find(*parameters, rng=rng())
-    for other in (exact(game).find(*parameters), learning(longer).find(*parameters, rng=rng())):
-        assert_same_bits(finder.find(*parameters, other, rng()), fresh)
-    same_game = learning(building(), episodes=5, sweeps=1).find(*parameters, rng=rng(8))
-    assert set(same_game.visited.tolist()) < set(finder.find(*parameters, same_game, rng()).visited.tolist())
+    fresh = planner.plan(*parameters, rng=rng())
+    for other in (exact(game).plan(*parameters), learning(longer).plan(*parameters, rng=rng())):
+        assert_same_bits(planner.plan(*parameters, other, rng()), fresh)
+    same_game = learning(building(), episodes=5, sweeps=1).plan(*parameters, rng=rng(8))
+    assert set(same_game.visited.tolist()) < set(planner.plan(*parameters, same_game, rng()).visited.tolist())
 
 
 def test_without_a_generator_a_search_is_refused() -> None:
     game = square()
     with pytest.raises(TypeError, match=r"rng is None; pass a numpy.random.Generator"):
-        learning(game).find(*random_parameters(game))
+        learning(game).plan(*random_parameters(game))
 
 
 class Watched:
@@ -283,7 +283,7 @@ def test_the_simulator_is_asked_only_in_states_that_episodes_meet() -> None:
     game = building()
     watched = Watched(game.successor)
     game.grid.__dict__["successor"] = watched
-    policy = learning(game, episodes=3, sweeps=2).find(*random_parameters(game), rng=rng())
+    policy = learning(game, episodes=3, sweeps=2).plan(*random_parameters(game), rng=rng())
     assert watched.asked == set(visited(policy).tolist())
     assert len(watched.asked) < game.n_states / 2
 
@@ -291,7 +291,7 @@ def test_the_simulator_is_asked_only_in_states_that_episodes_meet() -> None:
 def test_memory_grows_with_visited_states_only() -> None:
     game, sizes, policy = building(), [0], None
     for seed in range(4):
-        policy = learning(game, episodes=2, sweeps=1).find(*random_parameters(game), policy, rng(seed))
+        policy = learning(game, episodes=2, sweeps=1).plan(*random_parameters(game), policy, rng(seed))
         sizes.append(len(visited(policy)))
         assert policy.values.shape == (game.horizon + 2, sizes[-1] + 1)
     assert all(0 <= more - less <= 2 * (game.horizon + 1) for less, more in pairwise(sizes))
@@ -312,7 +312,7 @@ def test_exploration_finds_what_the_policy_alone_would_not() -> None:
     game = patrol("......", [((0, 0),)], ((0, 5),), horizon=10)
     theta, omega = np.full(len(game.reward_features.names), -1.0), np.zeros(len(game.cost_features.names))
     theta[3] = 100.0  # west of the first cell is the wall
-    shy, bold = (learning(game, 20, exploration=share).find(theta, omega, rng=rng()) for share in (0.0, 0.5))
+    shy, bold = (learning(game, 20, exploration=share).plan(theta, omega, rng=rng()) for share in (0.0, 0.5))
     assert len(visited(shy)) <= 2 < len(visited(bold))
 
 
@@ -326,8 +326,8 @@ def test_learners_learn_by_it_what_they_learn_by_exact_policies() -> None:
     histories = [simulate(one, streams) for one in settings]
     truth = exact(game)
     for name in settings[0].learners:
-        by_exact, by_learning = (truth.find(*history[name][-1]) for history in histories)
-        first = truth.find(*histories[1][name][0])
+        by_exact, by_learning = (truth.plan(*history[name][-1]) for history in histories)
+        first = truth.plan(*histories[1][name][0])
         assert policy_distance(game, [by_exact, by_learning]) < 0.01
         assert exact_imitation(game, first).violation_rate > 0.7
         assert exact_imitation(game, by_learning).violation_rate < 0.2
@@ -336,7 +336,7 @@ def test_learners_learn_by_it_what_they_learn_by_exact_policies() -> None:
 def test_a_learner_starts_every_search_from_the_one_before() -> None:
     settings = experiment({"algorithm.policy": {**LEARNED, "episodes": 1, "sweeps": 1}, "schedule.kind": "alternating"})
     learner = build_learner(settings, "ann")
-    assert isinstance(learner.estimator.finder, SoftQFinder)
+    assert isinstance(learner.estimator.planner, SoftQPlanner)
     state, known = learner.initial_state(), [set[int]()]
     for n, demonstration in enumerate(demonstrations(settings)["ann"], start=1):
         neighbours = dict.fromkeys(learner.mixer.schedule.senders_to("ann", n), state.parameters)

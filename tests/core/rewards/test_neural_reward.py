@@ -6,12 +6,12 @@ from experiments import demonstrations, experiment
 from games import alone, central_differences, hallway, random_policy, trio
 
 from mabirds_core.arrays import Array, Vector
-from mabirds_core.experiment.assembly import build_game, build_learner, policy_of
+from mabirds_core.experiment.assembly import build_game, build_learner, evaluation_policy
 from mabirds_core.experiment.simulate import simulate
 from mabirds_core.games.interface import Visitation
 from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_core.metrics.metrics import exact_imitation
-from mabirds_core.planners.occupancy import ExactExpectation
+from mabirds_core.planners.occupancy import ExactOccupancy
 from mabirds_core.rewards.models import NeuralReward
 
 
@@ -52,7 +52,7 @@ def test_the_gradient_of_a_visitation_is_that_of_finite_differences() -> None:
     game = hallway()
     reward = model(game)
     rng = np.random.default_rng(1)
-    visitation = ExactExpectation(game)(random_policy(game, rng), rng)
+    visitation = ExactOccupancy(game)(random_policy(game, rng), rng)
     theta = some_theta(reward)
 
     def total(at: Vector) -> float:
@@ -117,7 +117,7 @@ def test_learners_with_a_neural_reward_begin_alike_and_learn() -> None:
     np.testing.assert_array_equal(ann.theta, bob.theta)
     history = simulate(settings, demonstrations(settings))["ann"]
     game = build_game(settings)
-    policy = policy_of(settings, "ann", game)
+    policy = evaluation_policy(settings, "ann", game)
     first, last = (exact_imitation(game, policy(history[n])).violation_rate for n in (0, -1))
     assert np.abs(history[-1].theta - history[0].theta).max() > 0.1
     assert first > 0.9

@@ -3,7 +3,7 @@
 import numpy as np
 from games import hallway, random_policy
 
-from mabirds_core.planners.occupancy import ExactExpectation
+from mabirds_core.planners.occupancy import ExactOccupancy
 from mabirds_core.rewards.models import LinearReward
 
 
@@ -24,7 +24,7 @@ def test_its_gradient_does_not_depend_on_theta() -> None:
     game, rng = hallway(), np.random.default_rng(0)
     model, visitation = (
         LinearReward(game.reward_features),
-        ExactExpectation(game)(random_policy(game, rng), rng),
+        ExactOccupancy(game)(random_policy(game, rng), rng),
     )
     zeros, ones = np.zeros(model.size), np.ones(model.size)
     at_zero, elsewhere = (model.gradient(theta, visitation) for theta in (zeros, ones))

@@ -48,6 +48,6 @@ def with_algorithm(experiment: Experiment, **changes: Any) -> Experiment:
     return Experiment.model_validate(content)
 
 
-def shortened(experiment: Experiment, iterations: int) -> Experiment:
+def truncate(experiment: Experiment, iterations: int) -> Experiment:
     """The experiment with at most so many iterations."""
     return experiment.model_copy(update={"iterations": min(iterations, experiment.iterations)})

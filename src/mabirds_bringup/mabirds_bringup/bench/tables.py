@@ -57,7 +57,7 @@ def rate(title: str, summary: str, *, optional: bool = False) -> Column:
 
 
 def per_iteration(title: str, total: str) -> Column:
-    """Work per online iteration."""
+    """Cost per online iteration."""
     return Column(title, pl.col(total) / pl.col("iterations"), number(".1f"))
 
 

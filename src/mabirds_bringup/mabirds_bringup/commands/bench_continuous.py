@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from mabirds_bringup.bench.cases import shortened
+from mabirds_bringup.bench.cases import truncate
 from mabirds_bringup.bench.command import FIRST_SEED, Request, command_line
 from mabirds_bringup.bench.continuous.cases import all_cases
 from mabirds_bringup.bench.continuous.outcome import FLIGHTS, run_case
@@ -62,7 +62,7 @@ def _networks(main: Path, sac: Path | None, iterations: int) -> Experiment | Non
 
 
 def _loaded(file: Path, iterations: int) -> Experiment:
-    experiment = shortened(load_experiment(file), iterations)
+    experiment = truncate(load_experiment(file), iterations)
     drone_game(experiment)  # refuses other games
     return experiment
 

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from mabirds_bringup.bench.cases import shortened
+from mabirds_bringup.bench.cases import truncate
 from mabirds_bringup.bench.command import Request, command_line
 from mabirds_bringup.bench.discrete.cases import all_cases
 from mabirds_bringup.bench.discrete.outcome import run_case
@@ -36,7 +36,7 @@ def discrete(  # noqa: PLR0913, PLR0917 - the options of a command
     from mabirds_bringup.bench.discrete.report import write_report  # loads matplotlib and polars
 
     with guarded_output() as stdout:
-        first, second = (shortened(load_experiment(file), iterations) for file in (main, hard))
+        first, second = (truncate(load_experiment(file), iterations) for file in (main, hard))
         request = Request(out, only, seeds, jobs)
         results = request.results(all_cases(first, second), run_case)
         content = write_report(first, second, results, out, command_line())

@@ -16,11 +16,11 @@ from mabirds_bringup.commands.options import Json
 from mabirds_bringup.console import console, guarded_output, print_json
 from mabirds_bringup.watch.inspector import InspectorNode, WatchedLearner, describe, describe_parameters
 from mabirds_core.errors import ExperimentError
-from mabirds_core.texts import printable
+from mabirds_core.texts import sanitize
 from mabirds_learner.learner_session import DEMONSTRATION
 from mabirds_msgs_py.security import enclave_arguments, start_ros
 
-LONGEST_LINE = 1000
+MAX_LINE = 1000
 """Characters of what is shown of a message."""
 
 
@@ -99,7 +99,7 @@ def _show(learners: dict[str, dict[str, Any]], missing: list[str]) -> None:
 
 def _print(line: str) -> None:
     """One line, whatever others have put into their messages."""
-    console.print(printable(line, LONGEST_LINE), soft_wrap=True)
+    console.print(sanitize(line, MAX_LINE), soft_wrap=True)
 
 
 def _status_line(content: dict[str, Any]) -> str:

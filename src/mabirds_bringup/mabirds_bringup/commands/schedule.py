@@ -14,7 +14,7 @@ from mabirds_core.consensus import generators
 from mabirds_core.consensus.schedule import EdgeSchedule, validate
 from mabirds_core.experiment.file import load_experiment
 
-MOST_ROWS = 40
+MAX_ROWS = 40
 """Slots that the terminal shows; --json holds them all."""
 
 Kind = Literal["complete", "ring", "alternating_ring", "directed_ring", "random_matching", "gossip"]
@@ -65,7 +65,7 @@ def _table(content: dict[str, Any]) -> Table:
     table = Table(title=f"{len(content['slots'])} slots, then: {content['end']}")
     for column in ("slot", "edges", "row sums", "column sums", "smallest weight"):
         table.add_column(column)
-    for number, slot in enumerate(content["slots"][:MOST_ROWS], start=1):
+    for number, slot in enumerate(content["slots"][:MAX_ROWS], start=1):
         edges = ", ".join(f"{sender} -> {receiver}" for sender, receiver in slot["edges"]) or "none"
         sums = (f"{min(slot[key]):.12g} to {max(slot[key]):.12g}" for key in ("row_sums", "column_sums"))
         table.add_row(str(number), edges, *sums, f"{slot['smallest_weight']:.4f}")

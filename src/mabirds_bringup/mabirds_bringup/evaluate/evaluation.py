@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from mabirds_core.algorithm.parameters import Parameters
-from mabirds_core.experiment.assembly import build_game, policy_of
+from mabirds_core.experiment.assembly import build_game, evaluation_policy
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History
 from mabirds_core.metrics.metrics import consensus_distance, constraint_errors, learned_constraints
@@ -49,7 +49,7 @@ def evaluate(experiment: Experiment, history: History, on_row: Callable[[], None
     game = build_game(experiment)
     rows = []
     for name, parameters in history.items():
-        policy = policy_of(experiment, name, game)
+        policy = evaluation_policy(experiment, name, game)
         for iteration in game.judge.eval_iterations(len(parameters)):
             one = parameters[iteration - 1]
             imitation = game.judge.imitation(policy(one), experiment.seed)
@@ -58,11 +58,14 @@ def evaluate(experiment: Experiment, history: History, on_row: Callable[[], None
             on_row()
     together = list(zip(*history.values(), strict=False))
     final = {name: parameters[-1] for name, parameters in history.items()}
+    policies = [evaluation_policy(experiment, name, game)(last) for name, last in final.items()]
     return Evaluation(
         rows,
         [consensus_distance([one.theta for one in ones]) for ones in together],
         [consensus_distance([one.omega for one in ones]) for ones in together],
-        game.judge.distance([policy_of(experiment, name, game)(one) for name, one in final.items()], experiment.seed),
+        game.judge.distance(
+            [evaluation_policy(experiment, name, game)(one) for name, one in final.items()], experiment.seed
+        ),
         {name: _learned_names(experiment, game.cost_features.names, one) for name, one in final.items()},
     )
 

@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
 from mabirds_bringup.evaluate.evaluation import Evaluation
-from mabirds_core.experiment.assembly import build_game, policy_of
+from mabirds_core.experiment.assembly import build_game, evaluation_policy
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History
 from mabirds_core.games.interface import Learned
@@ -32,7 +32,7 @@ def learned_by(experiment: Experiment, history: History) -> dict[str, Learned]:
     """What each learner or method of ``history`` ended with."""
     game = build_game(experiment)
     return {
-        name: Learned(policy_of(experiment, name, game)(parameters[-1]), parameters[-1].omega)
+        name: Learned(evaluation_policy(experiment, name, game)(parameters[-1]), parameters[-1].omega)
         for name, parameters in history.items()
     }
 

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from mabirds_core.consensus.schedule import EdgeSchedule
 
-MOST_SLOTS = 24
+MAX_SLOTS = 24
 """More slots than these are not drawn."""
 
 COLUMNS = 4
@@ -20,7 +20,7 @@ COLUMNS = 4
 
 def schedule_figure(schedule: EdgeSchedule) -> Figure:
     """A panel a slot: learners on a circle, an arrow for each open edge, its weight beside it."""
-    shown = min(len(schedule.slots), MOST_SLOTS)
+    shown = min(len(schedule.slots), MAX_SLOTS)
     columns = min(shown, COLUMNS)
     size = (2.6 * columns, 2.7 * ceil(shown / columns))
     figure, axes = plt.subplots(ceil(shown / columns), columns, figsize=size, squeeze=False, layout="constrained")

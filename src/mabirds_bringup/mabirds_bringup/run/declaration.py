@@ -9,7 +9,7 @@ from rclpy.executors import Executor
 from rclpy.node import Node
 
 from mabirds_core.errors import MabirdsError
-from mabirds_core.texts import printable
+from mabirds_core.texts import sanitize
 from mabirds_msgs_py import topics
 from mabirds_msgs_py.mass_conversion import membership_message
 from mabirds_msgs_py.qos import STATUS_QOS, latched
@@ -78,7 +78,7 @@ class DeclarerNode(Node):
     def _refusals(self) -> list[str]:
         """What learners say that have refused since the declaration."""
         refused = [name for name in self._members if self._refused(name) > self._refused_before[name]]
-        return [f"{name}: {printable(self.statuses[name].message)}" for name in refused]
+        return [f"{name}: {sanitize(self.statuses[name].message)}" for name in refused]
 
     def _spin(self, executor: Executor, timeout: float, condition: Callable[[], object]) -> None:
         deadline = time.monotonic() + timeout

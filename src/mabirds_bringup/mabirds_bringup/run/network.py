@@ -27,7 +27,7 @@ from mabirds_msgs_py.security import enclave_arguments, start_ros
 PLAYER = "expert_player"
 """Name of the player among the processes."""
 
-GRACE = 5.0
+SHUTDOWN_TIMEOUT = 5.0
 """Seconds in which those who stay hear what was said before somebody leaves."""
 
 DIFFERENT = ("wrong_experiment", "wrong_schedule")
@@ -109,7 +109,7 @@ class Network:
                     if self._difference(monitor):
                         break
                 if self.only:
-                    _spin_for(GRACE, executor)  # other hosts are to hear the last of this one, too
+                    _spin_for(SHUTDOWN_TIMEOUT, executor)  # other hosts are to hear the last of this one, too
                 if difference := self._difference(monitor):
                     raise ExperimentError(difference)
                 return NetworkResult(monitor.history(), monitor.delivered(), monitor.mass_residual())
@@ -169,7 +169,7 @@ def _spin_for(seconds: float, executor: SingleThreadedExecutor) -> None:
 
 def _hear_out(executor: SingleThreadedExecutor, monitor: MonitorNode) -> bool:
     """Has every learner learned everything? Waits a moment for messages that are still on their way."""
-    deadline = time.monotonic() + GRACE
+    deadline = time.monotonic() + SHUTDOWN_TIMEOUT
     while not monitor.all_learned and time.monotonic() < deadline:
         executor.spin_once(timeout_sec=TICK)
     return monitor.all_learned

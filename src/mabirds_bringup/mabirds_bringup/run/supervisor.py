@@ -17,7 +17,7 @@ AT_ONCE = 8
 START_PATIENCE = 5.0
 """Seconds after which a process counts as started even if nothing was heard of it."""
 
-FIRST_PAUSE, LONGEST_PAUSE = 0.5, 30.0
+FIRST_PAUSE, MAX_PAUSE = 0.5, 30.0
 """Seconds before the first restart, doubled at each further one."""
 
 HEALTHY = 10.0
@@ -94,7 +94,7 @@ class Supervisor:
                 return f"{what}; going on without it"
             log = child.process.log
             raise ProcessDiedError(f"{what}; the end of {log}:\n{processes.last_lines(log)}")
-        pause = min(FIRST_PAUSE * 2**child.restarts, LONGEST_PAUSE)
+        pause = min(FIRST_PAUSE * 2**child.restarts, MAX_PAUSE)
         child.restarts, child.due = child.restarts + 1, now + pause
         return f"{what}; starting it again in {pause:g} s ({child.restarts} of {self._restarts})"
 

@@ -28,7 +28,7 @@ from mabirds_msgs_py.security import SecurityError
 
 ENCLAVES, PUBLIC, PRIVATE = "enclaves", "public", "private"
 GOVERNANCE = "governance.p7s"
-LONGEST_NAME = 64
+MAX_NAME = 64
 """Characters of a certificate's common name, by X.520."""
 
 
@@ -133,9 +133,9 @@ def _new_key() -> ec.EllipticCurvePrivateKey:
 
 
 def _name(common_name: str) -> x509.Name:
-    if len(common_name) > LONGEST_NAME:
+    if len(common_name) > MAX_NAME:
         raise SecurityError(
-            f"{common_name}: expected at most {LONGEST_NAME} characters in a certificate's name; choose shorter names"
+            f"{common_name}: expected at most {MAX_NAME} characters in a certificate's name; choose shorter names"
         )
     return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, common_name)])
 

@@ -10,7 +10,7 @@ from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.errors import RefusedMessageError
 from mabirds_core.experiment.assembly import build_learner, build_method
 from mabirds_core.experiment.file import Experiment
-from mabirds_core.texts import shortened
+from mabirds_core.texts import truncate
 from mabirds_learner.diagnostics import HARMLESS
 from mabirds_learner.inbox import check_iteration
 from mabirds_msgs_py.conversion import read_parameters, require_sender, schedule_message
@@ -19,7 +19,7 @@ EXPECTED = HARMLESS | {"wrong_experiment", "wrong_schedule"}
 """Reasons of drops that are no trouble: repetitions, and other runs in the same ROS domain."""
 
 
-class Admission:
+class MessageValidator:
     """Checks messages; ``names``: who learns, the experiment's learners or a central method. ``run``: of this run.
 
     Every method raises RefusedMessageError for what does not fit.
@@ -53,7 +53,7 @@ class Admission:
                 message.last_demonstration,
                 message.last_demonstration <= self._experiment.iterations,
             ),
-            ("mixed_from", shortened(str(strangers)), not strangers),
+            ("mixed_from", truncate(str(strangers)), not strangers),
         ):
             if not possible:
                 raise RefusedMessageError(
@@ -63,7 +63,7 @@ class Admission:
     def schedule(self, message: EdgeSchedule) -> None:
         """Is it the schedule of the experiment?"""
         if message != self._schedule_message:
-            digest = shortened(message.digest)
+            digest = truncate(message.digest)
             raise RefusedMessageError(
                 "wrong_schedule", f"schedule of digest {digest!r}, expected that of {self._schedule.digest!r}"
             )

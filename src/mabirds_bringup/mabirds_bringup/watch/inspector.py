@@ -27,7 +27,7 @@ from mabirds_msgs_py.qos import STATUS_QOS, latched
 SEARCH_PERIOD = 0.2
 """Seconds between two looks at the ROS graph."""
 
-LONGEST_PATH = 1000
+MAX_PATH = 1000
 """Characters of the path that a learner names; no file is looked for under a longer one."""
 
 READABLE: dict[type, Callable[[Any], object]] = {
@@ -130,7 +130,7 @@ class InspectorNode(Node):
     def _on_experiment(self, learner: WatchedLearner, future: Any) -> None:
         learner.answered = True
         values = [value.string_value for value in future.result().values]
-        if len(values) != 2 or len(values[0]) > LONGEST_PATH or not Path(values[0]).is_file():
+        if len(values) != 2 or len(values[0]) > MAX_PATH or not Path(values[0]).is_file():
             return  # of another host: features stay numbered
         file, run = values
         try:

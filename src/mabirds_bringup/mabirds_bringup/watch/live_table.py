@@ -5,7 +5,7 @@ from rich.table import Table
 
 from mabirds_bringup.watch.monitor import MonitorNode
 from mabirds_core.experiment.file import Experiment
-from mabirds_core.texts import printable
+from mabirds_core.texts import sanitize
 
 STATES = {
     LearnerStatus.WAITING_FOR_DEMONSTRATION: "waits for a demonstration",
@@ -39,11 +39,11 @@ def _cells(experiment: Experiment, monitor: MonitorNode, name: str) -> list[str]
         f"{metrics['iteration_seconds']:.3f}" if "iteration_seconds" in metrics else "",
         ", ".join(f"{reason} {count}" for reason, count in drops.items()),
     )
-    return [printable(cell) for cell in cells]  # whatever others have put into their statuses
+    return [sanitize(cell) for cell in cells]  # whatever others have put into their statuses
 
 
 def _state(monitor: MonitorNode, name: str, status: LearnerStatus) -> str:
-    if monitor.presence.is_gone(name):
+    if monitor.presence.is_lost(name):
         return "gone"
     return "waiting" if status.waiting_for else STATES.get(status.state, f"state {status.state}?")
 

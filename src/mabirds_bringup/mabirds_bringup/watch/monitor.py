@@ -12,7 +12,7 @@ from mabirds_msgs.srv import FetchParameters
 from rclpy.client import Client
 from rclpy.node import Node
 
-from mabirds_bringup.watch.admission import EXPECTED, Admission
+from mabirds_bringup.watch.admission import EXPECTED, MessageValidator
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.consensus.schedule import Delivered
 from mabirds_core.errors import RefusedMessageError
@@ -23,7 +23,7 @@ from mabirds_msgs_py import topics
 from mabirds_msgs_py.bag_writer import BagWriter
 from mabirds_msgs_py.conversion import nanoseconds
 from mabirds_msgs_py.mass_conversion import membership_message
-from mabirds_msgs_py.presence import Presence
+from mabirds_msgs_py.presence import LivelinessMonitor
 from mabirds_msgs_py.qos import STATUS_QOS, announced, latched
 
 DEPTH = 10_000
@@ -54,13 +54,13 @@ class MonitorNode(Node):
         super().__init__("monitor", **node_options)
         self._experiment, self._recording = experiment, recording
         self.names = tuple(names or experiment.learners)
-        self._admission = Admission(experiment, run, self.names)
+        self._admission = MessageValidator(experiment, run, self.names)
         self.drops: Counter[str] = Counter()
         self.refusals: dict[str, str] = {}
         self.parameters: dict[str, dict[int, Parameters]] = {name: {} for name in self.names}
         self.statuses: dict[str, LearnerStatus] = {}
         self._mixed: dict[str, dict[int, list[str]]] = {name: {} for name in self.names}
-        self.presence = Presence()
+        self.presence = LivelinessMonitor()
         self.lost: dict[str, set[int]] = {name: set() for name in self.names}
         self._fetch: dict[str, Client] = {}
         self._declared: set[str] = set()

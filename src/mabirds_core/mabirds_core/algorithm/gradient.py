@@ -15,13 +15,13 @@ import numpy as np
 
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.games.interface import ConstrainedMarkovGame, Trajectories, discounted_visitation
-from mabirds_core.planners.interface import Expectation, Policy, PolicyFinder
+from mabirds_core.planners.interface import OccupancyEstimator, Planner, Policy
 from mabirds_core.rewards.models import RewardModel
 
 RolloutStart = Literal["initial", "demonstration"]
 
 
-class Estimate(NamedTuple):
+class GradientEstimate(NamedTuple):
     """The gradient, and the policy that was found for it."""
 
     gradient: Parameters
@@ -38,8 +38,8 @@ class GradientEstimator:
 
     game: ConstrainedMarkovGame
     reward: RewardModel
-    finder: PolicyFinder
-    expectation: Expectation
+    planner: Planner
+    expectation: OccupancyEstimator
     rollout_start: RolloutStart = "initial"
 
     def initial_parameters(self, seed: int) -> Parameters:
@@ -53,14 +53,14 @@ class GradientEstimator:
         demonstrations: Trajectories,
         rng: np.random.Generator,
         previous: Policy | None = None,
-    ) -> Estimate:
+    ) -> GradientEstimate:
         """The gradient for the mean of ``demonstrations``; ``previous``: the policy to start the search from."""
-        policy = self.finder.find(*parameters, previous, rng, demonstrations)
+        policy = self.planner.plan(*parameters, previous, rng, demonstrations)
         starts = demonstrations.states[:, 0] if self.rollout_start == "demonstration" else None
         imagined = self.expectation(policy, rng, starts)
         observed = discounted_visitation(demonstrations, self.game.discount)
         grad_j, features = self.reward.gradient, self.game.cost_features
-        return Estimate(
+        return GradientEstimate(
             Parameters(
                 grad_j(parameters.theta, imagined) - grad_j(parameters.theta, observed),
                 features.total(imagined) - features.total(observed),

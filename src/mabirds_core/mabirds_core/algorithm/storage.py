@@ -1,7 +1,7 @@
 """A learner's state as named arrays, which is what checkpoints hold, and back.
 
 Everything that decides the iterations to come is in it: theta, omega, what its mixer knows besides, the demonstrations
-of the window, and what the policy finder wants to remember. Generators are not: each iteration makes its own from
+of the window, and what the planner wants to remember. Generators are not: each iteration makes its own from
 (seed, learner, iteration).
 """
 
@@ -16,7 +16,7 @@ from mabirds_core.arrays import Array
 from mabirds_core.errors import CheckpointError
 
 MEMORY = "policy."
-"""Prefix of the arrays that the policy finder remembers."""
+"""Prefix of the arrays that the planner remembers."""
 
 
 def to_arrays(learner: Learner, state: LearnerState) -> dict[str, Array]:
@@ -26,7 +26,7 @@ def to_arrays(learner: Learner, state: LearnerState) -> dict[str, Array]:
     for number, trajectory in enumerate(state.recent):
         arrays |= dict(zip(_names(number), learner.game.encode(trajectory), strict=True))
     if state.policy is not None:
-        memory = learner.estimator.finder.remember(state.policy)
+        memory = learner.estimator.planner.state_dict(state.policy)
         arrays |= {f"{MEMORY}{name}": values for name, values in memory.items()}
     return arrays
 
@@ -39,7 +39,7 @@ def from_arrays(learner: Learner, iteration: int, arrays: Mapping[str, Array]) -
     recorded = takewhile(lambda names: set(names) <= arrays.keys(), map(_names, count()))
     recent = tuple(learner.game.decode(*(arrays[name] for name in names)) for names in recorded)
     memory = {name.removeprefix(MEMORY): values for name, values in arrays.items() if name.startswith(MEMORY)}
-    policy = learner.estimator.finder.recall(memory) if memory else None
+    policy = learner.estimator.planner.load_state_dict(memory) if memory else None
     mixing = learner.mixer.from_arrays(parameters_of(learner, arrays), arrays)
     return LearnerState(iteration, mixing, recent, policy)
 

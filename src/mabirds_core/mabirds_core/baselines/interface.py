@@ -11,15 +11,15 @@ from mabirds_core.planners.interface import Policy
 from mabirds_core.rewards.models import RewardModel
 
 
-class Work(NamedTuple):
+class Cost(NamedTuple):
     """What a method has done since it began."""
 
     gradient_steps: int = 0
     policy_solves: int = 0
 
-    def more(self, gradient_steps: int, policy_solves: int) -> "Work":
+    def more(self, gradient_steps: int, policy_solves: int) -> "Cost":
         """The sums."""
-        return Work(self.gradient_steps + gradient_steps, self.policy_solves + policy_solves)
+        return Cost(self.gradient_steps + gradient_steps, self.policy_solves + policy_solves)
 
 
 class CentralState(NamedTuple):
@@ -33,7 +33,7 @@ class CentralState(NamedTuple):
     parameters: Parameters
     seen: tuple[Trajectories, ...] = ()
     policy: Policy | None = None
-    work: Work = Work()
+    work: Cost = Cost()
 
 
 class CentralMethod(Protocol):

@@ -8,7 +8,7 @@ from mabirds_core.consensus.schedule import EdgeSchedule, both_ways, require_siz
 from mabirds_core.consensus.weights import Edge
 from mabirds_core.errors import ScheduleError
 
-MOST_DRAWS = 1000
+MAX_DRAWS = 1000
 """Attempts at a random schedule whose union connects all learners."""
 
 
@@ -61,12 +61,12 @@ def _connected(learners: Sequence[str], slots: int, seed: int, pairs: int) -> Ed
     require_size(len(learners), slots)
     rng = np.random.default_rng(seed)
     enough = slots * pairs >= len(learners) - 1  # that many edges at least connect all
-    for _ in range(MOST_DRAWS if enough else 0):
+    for _ in range(MAX_DRAWS if enough else 0):
         drawn = [_random_pairs(len(learners), pairs, rng) for _ in range(slots)]
         if unreachable(len(learners), frozenset().union(*drawn)) is None:
             return EdgeSchedule(tuple(learners), tuple(drawn))
     raise ScheduleError(
-        f"{slots} slots of {pairs} random pairs never connected {len(learners)} learners in {MOST_DRAWS} draws; take"
+        f"{slots} slots of {pairs} random pairs never connected {len(learners)} learners in {MAX_DRAWS} draws; take"
         f" more slots, at least {-(-(len(learners) - 1) // max(1, pairs))}"
     )
 

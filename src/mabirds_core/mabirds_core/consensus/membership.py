@@ -4,10 +4,10 @@ from collections.abc import Iterable
 
 from mabirds_core.consensus.schedule import EdgeSchedule, validate
 from mabirds_core.errors import ScheduleError
-from mabirds_core.texts import shortened
+from mabirds_core.texts import truncate
 
 
-def among(schedule: EdgeSchedule, members: Iterable[str]) -> EdgeSchedule:
+def restrict(schedule: EdgeSchedule, members: Iterable[str]) -> EdgeSchedule:
     """The schedule with the edges between ``members`` only, in the order of its learners; weights follow from it.
 
     Raises ScheduleError for a member that is none of the learners, for no member, and where what remains breaks
@@ -15,7 +15,7 @@ def among(schedule: EdgeSchedule, members: Iterable[str]) -> EdgeSchedule:
     """
     chosen = set(members)
     if not chosen or not chosen <= set(schedule.learners):
-        given = shortened(str(sorted(chosen)))
+        given = truncate(str(sorted(chosen)))
         raise ScheduleError(f"members {given}: expected some of the learners {list(schedule.learners)}")
     names = tuple(name for name in schedule.learners if name in chosen)
     new = {schedule.learners.index(name): number for number, name in enumerate(names)}

@@ -17,17 +17,17 @@ from mabirds_core.arrays import Array
 from mabirds_core.consensus.weights import Edge, doubly_stochastic_weights
 from mabirds_core.digest import digest
 from mabirds_core.errors import ScheduleError
-from mabirds_core.texts import shortened
+from mabirds_core.texts import truncate
 
 End = Literal["repeat", "hold", "stop"]
 
 TOLERANCE = 1e-12
 """How far a row or column sum of W may lie from 1."""
 
-MOST_SLOTS = 100_000
+MAX_SLOTS = 100_000
 """Slots of a schedule: seconds of checking."""
 
-MOST_WEIGHTS = 5_000_000
+MAX_WEIGHTS = 5_000_000
 """Entries of the weights W of all slots together: seconds of checking, some ten megabytes."""
 
 
@@ -58,7 +58,7 @@ class EdgeSchedule:
 
     @property
     def _names(self) -> str:
-        return shortened(str(list(self.learners)), most=400)
+        return truncate(str(list(self.learners)), most=400)
 
     def _name(self, learner: int) -> str:
         return self.learners[learner] if 0 <= learner < len(self.learners) else f"learner number {learner}"
@@ -100,7 +100,7 @@ class EdgeSchedule:
         own = self.learners.index(name)
         return [self.learners[receiver] for sender, receiver in sorted(self.edges(iteration)) if sender == own]
 
-    def ever_in_neighbours(self, learner: int) -> list[int]:
+    def all_in_neighbours(self, learner: int) -> list[int]:
         """Whose parameters the learner mixes in at some iteration, sorted: whom it subscribes to."""
         return sorted({sender for sender, receiver in self.all_edges if receiver == learner})
 
@@ -124,7 +124,7 @@ class EdgeSchedule:
 
 def require_size(n_learners: int, slots: int) -> None:
     """Raise ScheduleError where so many slots of so many learners cannot be checked in seconds."""
-    most = min(MOST_SLOTS, MOST_WEIGHTS // n_learners**2)
+    most = min(MAX_SLOTS, MAX_WEIGHTS // n_learners**2)
     if slots > most:
         raise ScheduleError(f"{slots} slots: expected at most {most} for {n_learners} learners; take fewer")
 
@@ -145,7 +145,7 @@ class ScheduleReport:
 def validate(schedule: EdgeSchedule) -> ScheduleReport:
     """Check Assumptions 2 and 3; raises ScheduleError naming the edge, slot or learners that break one."""
     matrices = [schedule.weights(slot + 1) for slot in range(len(schedule.slots))]
-    window = smallest_window(schedule)
+    window = connectivity_window(schedule)
     return ScheduleReport(
         window=window,
         smallest_weight=min(float(matrix[matrix > 0].min()) for matrix in matrices),
@@ -183,7 +183,7 @@ def _products(schedule: EdgeSchedule, length: int) -> Iterator[Array]:
             yield np.asarray(beginning @ end)
 
 
-def smallest_window(schedule: EdgeSchedule) -> int:
+def connectivity_window(schedule: EdgeSchedule) -> int:
     """B: every B consecutive iterations have a strongly connected union (Assumption 2)."""
     _require_connection(schedule)
     needed = list(accumulate(_window_lengths(schedule), max))
@@ -257,7 +257,7 @@ def delivered_edges(schedule: EdgeSchedule, senders: Sequence[Sequence[str]]) ->
     index = {name: number for number, name in enumerate(schedule.learners)}
     strangers = sorted({name for names in senders for name in names} - index.keys())
     if strangers:
-        raise ScheduleError(f"{shortened(str(strangers))}: expected learners of {schedule.learners}")
+        raise ScheduleError(f"{truncate(str(strangers))}: expected learners of {schedule.learners}")
     return frozenset((index[sender], receiver) for receiver, names in enumerate(senders) for sender in names)
 
 

@@ -81,7 +81,7 @@ def build_method(experiment: Experiment, name: str, game: Game | None = None) ->
     return method
 
 
-def policy_of(experiment: Experiment, name: str, game: Game) -> Callable[[Parameters], Policy]:
+def evaluation_policy(experiment: Experiment, name: str, game: Game) -> Callable[[Parameters], Policy]:
     """What the theta and omega of a learner or method mean, whichever way it finds policies itself.
 
     The game says which planner finds out; a method may have its own reward, or its own policies.
@@ -92,4 +92,4 @@ def policy_of(experiment: Experiment, name: str, game: Game) -> Callable[[Parame
         return own
     reward = build_reward(experiment, game) if method is None else method.estimator.reward
     planner = game.evaluation_planner(experiment.algorithm.policy, reward)
-    return lambda parameters: planner.find(*parameters, rng=np.random.default_rng(experiment.seed))
+    return lambda parameters: planner.plan(*parameters, rng=np.random.default_rng(experiment.seed))

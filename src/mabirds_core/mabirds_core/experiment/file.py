@@ -17,24 +17,24 @@ from mabirds_core.experiment.learning_settings import AlgorithmSettings, Baselin
 from mabirds_core.planners.settings import check_rollouts
 from mabirds_core.registry import build, kind_of, kinds, union
 from mabirds_core.settings import Settings
-from mabirds_core.texts import printable, shortened
-from mabirds_core.yaml_files import LARGEST_FILE, read_yaml
+from mabirds_core.texts import sanitize, truncate
+from mabirds_core.yaml_files import MAX_FILE, read_yaml
 
 KINDS_REMEDY = "; `mabirds kinds` lists what is installed, and what cannot be used and why"
 """Where a file names a kind that there is not."""
 
 GAMES, PLANNERS = "mabirds.games", "mabirds.planners"
 
-LONGEST_VALUE = 60
+MAX_VALUE = 60
 """Characters of a wrong value that an error shows."""
 
-MOST_CHARACTERS = 4 * LARGEST_FILE
+MAX_CHARACTERS = 4 * MAX_FILE
 """Of an experiment's settings as JSON."""
 
-LONGEST_EXPLANATION = 500
+MAX_EXPLANATION = 500
 """Characters that say what is wrong with one setting."""
 
-LONGEST_ERROR = 4000
+MAX_ERROR = 4000
 """Characters of an error, however many settings are wrong."""
 
 RESERVED_NAMES = {"expert_player", "demonstration"}
@@ -181,9 +181,9 @@ def _checked(path: Path, content: dict[str, Any]) -> Experiment:
     try:
         experiment = Experiment.model_validate_json(text, strict=True)
     except ValidationError as error:
-        raise ExperimentError(f"{path}: {shortened('; '.join(_explanations(error)), LONGEST_ERROR)}") from None
+        raise ExperimentError(f"{path}: {truncate('; '.join(_explanations(error)), MAX_ERROR)}") from None
     except MabirdsError as error:
-        raise ExperimentError(f"{path}: {shortened(str(error), LONGEST_ERROR)}") from None
+        raise ExperimentError(f"{path}: {truncate(str(error), MAX_ERROR)}") from None
     try:
         bag = (path.parent / experiment.demonstrations.bag).resolve()
     except ValueError as error:  # a character that no path may have
@@ -198,16 +198,16 @@ def _json(content: dict[str, Any]) -> str:
     for piece in json.JSONEncoder(default=str).iterencode(content):
         pieces.append(piece)
         size += len(piece)
-        if size > MOST_CHARACTERS:
-            raise ValueError(f"its settings, with aliases written out, have more than {MOST_CHARACTERS} characters")
+        if size > MAX_CHARACTERS:
+            raise ValueError(f"its settings, with aliases written out, have more than {MAX_CHARACTERS} characters")
     return "".join(pieces)
 
 
 def _explanations(error: ValidationError) -> Iterator[str]:
     for problem in error.errors():
-        place = printable(".".join(_setting(problem["loc"]))) or "experiment"
-        given = shortened(repr(problem["input"]), LONGEST_VALUE)
-        explanation = shortened(problem["msg"].removeprefix("Value error, "), LONGEST_EXPLANATION)
+        place = sanitize(".".join(_setting(problem["loc"]))) or "experiment"
+        given = truncate(repr(problem["input"]), MAX_VALUE)
+        explanation = truncate(problem["msg"].removeprefix("Value error, "), MAX_EXPLANATION)
         if problem["type"] == "union_tag_invalid":
             explanation += KINDS_REMEDY
         yield f"{place}: {explanation}" + ("" if isinstance(problem["input"], dict) else f" (given: {given})")

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Protocol
 from mabirds_core.algorithm.gradient import stacked
 from mabirds_core.algorithm.learner import Learner, LearnerState
 from mabirds_core.algorithm.parameters import Parameters
-from mabirds_core.baselines.interface import CentralMethod, CentralState, Work
+from mabirds_core.baselines.interface import CentralMethod, CentralState, Cost
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.assembly import build_game, build_learner, build_method
 from mabirds_core.experiment.file import Experiment
@@ -30,7 +30,7 @@ class Progress(NamedTuple):
 
     name: str
     seconds: float
-    work: Work
+    work: Cost
     policy: Policy = None
 
 
@@ -83,7 +83,7 @@ class _Part(Protocol):
         """What it sends at iteration n, by receiver."""
         ...
 
-    def advance(self, incoming: Mapping[str, Any]) -> Work | None:
+    def advance(self, incoming: Mapping[str, Any]) -> Cost | None:
         """Make update n; all work since the beginning, or None where there was none but mixing."""
         ...
 
@@ -98,13 +98,13 @@ class _LearnerPart:
     def outgoing(self) -> Mapping[str, Any]:
         return self.learner.mixer.outgoing(self.state.mixing, self.state.iteration)
 
-    def advance(self, incoming: Mapping[str, Any]) -> Work | None:
+    def advance(self, incoming: Mapping[str, Any]) -> Cost | None:
         n = self.state.iteration
         if n > self.iterations:
             self.state = self.learner.consensus_step(self.state, incoming)
             return None
         self.state = self.learner.step(self.state, self.stream[n - 1], incoming).state
-        return Work(n, n)
+        return Cost(n, n)
 
 
 @dataclass
@@ -116,7 +116,7 @@ class _CentralPart:
     def outgoing(self) -> Mapping[str, Any]:
         return {}
 
-    def advance(self, incoming: Mapping[str, Any]) -> Work | None:  # noqa: ARG002 - nobody sends it anything
+    def advance(self, incoming: Mapping[str, Any]) -> Cost | None:  # noqa: ARG002 - nobody sends it anything
         pooled = stacked([stream[self.state.iteration - 1] for stream in self.streams])
         self.state = self.method.update(self.state, pooled)
         return self.state.work

@@ -238,7 +238,7 @@ class Game(ConstrainedMarkovGame, Protocol):
         ...
 
     def expectation(self, kind: str, count: int) -> Any:
-        """Step 2 of Algorithm 1 (``planners.interface.Expectation``); ``count``: m, where sampled."""
+        """Step 2 of Algorithm 1 (``planners.interface.OccupancyEstimator``); ``count``: m, where sampled."""
         ...
 
     def linear_reward(self) -> Any:

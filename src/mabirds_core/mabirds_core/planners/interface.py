@@ -1,4 +1,4 @@
-"""What Algorithm 1 asks of a policy and of the finder that makes one from theta and omega."""
+"""What Algorithm 1 asks of a policy and of the planner that makes one from theta and omega."""
 
 from collections.abc import Mapping
 from typing import Any, Protocol
@@ -9,7 +9,7 @@ from mabirds_core.arrays import Array, Indices, Vector
 from mabirds_core.games.interface import Steps, Trajectories, Visitation
 
 Policy = Any
-"""pi_t(a | s) of some game. Algorithm 1 only hands it on, from a finder to an expectation of the same game."""
+"""pi_t(a | s) of some game. Algorithm 1 only hands it on, from a planner to an expectation of the same game."""
 
 
 class TabularPolicy(Protocol):
@@ -20,10 +20,10 @@ class TabularPolicy(Protocol):
         ...
 
 
-class PolicyFinder(Protocol):
+class Planner(Protocol):
     """Step 1 of Algorithm 1: the constrained soft Bellman policy of r_theta + omega^T phi."""
 
-    def find(
+    def plan(
         self,
         theta: Vector,
         omega: Vector,
@@ -33,25 +33,25 @@ class PolicyFinder(Protocol):
     ) -> Policy:
         """The policy for these parameters.
 
-        ``previous``: the policy of parameters nearby, from which a search may start. ``rng``: for finders that
-        sample. ``observed``: demonstrations, which show finders that sample what the game is like where experts
-        are. Exact finders need none of them.
+        ``previous``: the policy of parameters nearby, from which a search may start. ``rng``: for planners that
+        sample. ``observed``: demonstrations, which show planners that sample what the game is like where experts
+        are. Exact planners need none of them.
         """
         ...
 
-    def remember(self, policy: Policy) -> dict[str, Array]:
+    def state_dict(self, policy: Policy) -> dict[str, Array]:
         """What a later search that starts from ``policy`` needs of it, as arrays by name; empty: nothing."""
         ...
 
-    def recall(self, memory: Mapping[str, Array]) -> Policy | None:
+    def load_state_dict(self, memory: Mapping[str, Array]) -> Policy | None:
         """A policy that serves as ``previous`` just as the remembered one did.
 
-        Raises CheckpointError where ``memory`` is of another game or finder.
+        Raises CheckpointError where ``memory`` is of another game or planner.
         """
         ...
 
 
-class Expectation(Protocol):
+class OccupancyEstimator(Protocol):
     """Step 2 of Algorithm 1: how E_pi sum_t gamma^t f(s_t, a_t) is found."""
 
     def __call__(self, policy: Policy, rng: np.random.Generator, starts: Steps | None = None) -> Visitation:

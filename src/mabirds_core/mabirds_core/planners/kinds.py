@@ -1,7 +1,7 @@
 """The entry points of the planners for enumerable games."""
 
 from mabirds_core.games.interface import TabularGame
-from mabirds_core.planners.interface import PolicyFinder
+from mabirds_core.planners.interface import Planner
 from mabirds_core.planners.settings import SoftQSettings, SoftValueIterationSettings, check_soft_q
 from mabirds_core.registry import Kind
 from mabirds_core.rewards.models import TabularRewardModel
@@ -11,18 +11,18 @@ def build_soft_value_iteration(
     settings: SoftValueIterationSettings,  # noqa: ARG001 - there is nothing to set
     game: TabularGame,
     reward: TabularRewardModel,
-) -> PolicyFinder:
+) -> Planner:
     """The exact planner."""
-    from mabirds_core.planners.soft_bellman import SoftBellmanFinder
+    from mabirds_core.planners.soft_bellman import SoftBellmanPlanner
 
-    return SoftBellmanFinder(game, reward, game.cost_features)
+    return SoftBellmanPlanner(game, reward, game.cost_features)
 
 
-def build_soft_q(settings: SoftQSettings, game: TabularGame, reward: TabularRewardModel) -> PolicyFinder:
+def build_soft_q(settings: SoftQSettings, game: TabularGame, reward: TabularRewardModel) -> Planner:
     """The planner that learns from episodes."""
-    from mabirds_core.planners.soft_q_learning import SoftQFinder
+    from mabirds_core.planners.soft_q_learning import SoftQPlanner
 
-    return SoftQFinder(game, reward, game.cost_features, **settings.model_dump(exclude={"kind"}))
+    return SoftQPlanner(game, reward, game.cost_features, **settings.model_dump(exclude={"kind"}))
 
 
 SOFT_VALUE_ITERATION = Kind(SoftValueIterationSettings, build_soft_value_iteration, form="tabular")

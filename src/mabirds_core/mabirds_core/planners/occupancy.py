@@ -66,7 +66,7 @@ def discounted_steps(game: TabularGame) -> float:
 
 
 @dataclass(frozen=True)
-class SampledExpectation:
+class SampledOccupancy:
     """Means over ``count`` rollouts: the paper's m trajectories zeta^j."""
 
     game: TabularGame
@@ -78,7 +78,7 @@ class SampledExpectation:
 
 
 @dataclass(frozen=True)
-class ExactExpectation:
+class ExactOccupancy:
     """The limit m -> infinity: the occupancy measure itself."""
 
     game: TabularGame

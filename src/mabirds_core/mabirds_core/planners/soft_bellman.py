@@ -37,14 +37,14 @@ class SoftBellmanPolicy:
 
 
 @dataclass(frozen=True)
-class SoftBellmanFinder:
-    """The exact finder, for games that can be enumerated."""
+class SoftBellmanPlanner:
+    """The exact planner, for games that can be enumerated."""
 
     game: TabularGame
     reward_model: TabularRewardModel
     cost_features: TabularFeatureMap
 
-    def find(
+    def plan(
         self,
         theta: Vector,
         omega: Vector,
@@ -56,11 +56,11 @@ class SoftBellmanFinder:
         reward = self.reward_model.table(theta) + self.cost_features.table(omega)
         return soft_bellman_policy(self.game, reward)
 
-    def remember(self, policy: Policy) -> dict[str, Array]:  # noqa: ARG002 - exact from any start
+    def state_dict(self, policy: Policy) -> dict[str, Array]:  # noqa: ARG002 - exact from any start
         """Nothing."""
         return {}
 
-    def recall(self, memory: Mapping[str, Array]) -> None:
+    def load_state_dict(self, memory: Mapping[str, Array]) -> None:
         """No policy is needed to start from."""
 
 

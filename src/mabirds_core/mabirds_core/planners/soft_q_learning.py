@@ -65,8 +65,8 @@ class SoftQPolicy:
 
 
 @dataclass(frozen=True)
-class SoftQFinder:
-    """The finder that learns from episodes. One that starts from ``previous`` remembers what that one visited."""
+class SoftQPlanner:
+    """The planner that learns from episodes. One that starts from ``previous`` remembers what that one visited."""
 
     game: TabularGame
     reward_model: TabularRewardModel
@@ -78,7 +78,7 @@ class SoftQFinder:
     exploration: float
     """Share of the actions that are drawn uniformly, in [0, 1]; the larger the rewards, the more is needed."""
 
-    def find(
+    def plan(
         self,
         theta: Vector,
         omega: Vector,
@@ -99,11 +99,11 @@ class SoftQFinder:
             policy = backed_up(self.game, reward, np.union1d(policy.visited, episodes.states))
         return policy
 
-    def remember(self, policy: Policy) -> dict[str, Array]:
+    def state_dict(self, policy: Policy) -> dict[str, Array]:
         """The visited states; a search values them anew."""
         return {"visited": self._known(policy)[:-1].astype(np.float64)}
 
-    def recall(self, memory: Mapping[str, Array]) -> SoftQPolicy:
+    def load_state_dict(self, memory: Mapping[str, Array]) -> SoftQPolicy:
         """A policy that knows the visited states and no reward yet."""
         visited = memory.get("visited", np.empty(0))
         states = np.append(visited, self.game.n_states).astype(np.int64)

@@ -13,7 +13,7 @@ from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.file import load_experiment, planners_for
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.lattice import Lattice, moves
-from mabirds_core.games.drones.planner_checks import MOST_VALUES, MOVES
+from mabirds_core.games.drones.planner_checks import MAX_VALUES, MOVES
 from mabirds_core.games.drones.planner_settings import LatticeSettings
 from mabirds_core.games.drones.settings import DroneSettings
 from mabirds_core.games.patrol.settings import PatrolSettings
@@ -103,7 +103,7 @@ def test_what_is_not_made_for_the_game_is_refused_with_what_is(
 
 
 @pytest.mark.parametrize("policy", ["soft_value_iteration", "soft_q_learning", "lattice", "soft_actor_critic"])
-def test_every_policy_finder_is_made_for_one_of_the_games(policy: str) -> None:
+def test_every_policy_planner_is_made_for_one_of_the_games(policy: str) -> None:
     assert sum(policy in planners_for(form) for form in ("tabular", "drones")) == 1
 
 
@@ -134,7 +134,7 @@ def test_lattices_are_for_one_or_two_single_integrators(tmp_path: Path, changes:
 def test_lattices_must_fit_into_memory(tmp_path: Path, drones: int, spacing: float, horizon: int, values: int) -> None:
     changes = {"game.drones": ROOM["drones"][:drones], "game.horizon": horizon}
     message = refusal(write(tmp_path, flight_settings({**changes, "algorithm.policy.spacing": spacing})))
-    assert f"spacing {spacing:g} m makes {values:.2g} values, expected at most {MOST_VALUES:.2g}; take a la" in message
+    assert f"spacing {spacing:g} m makes {values:.2g} values, expected at most {MAX_VALUES:.2g}; take a la" in message
     assert load_experiment(write(tmp_path, flight_settings({**changes, "algorithm.policy.spacing": 2 * spacing})))
 
 

@@ -7,7 +7,7 @@ import pytest
 from rooms import SlowRoom, double, random_flights, room
 
 from mabirds_core.arrays import Array, Vector
-from mabirds_core.games.drones.features import BumpLattice, DroneReward, total_reward
+from mabirds_core.games.drones.features import DroneReward, RbfGrid, total_reward
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.interface import Visitation, discounted_visitation
 
@@ -135,7 +135,7 @@ def test_the_fade_is_one_radius_wide() -> None:
 @pytest.mark.parametrize("counts", [(1, 1), (1, 4), (3, 2), (7, 5)])
 def test_bump_lattices_sum_bumps_of_every_node(counts: tuple[int, int]) -> None:
     rng = np.random.default_rng(6)
-    lattice, places, by_place = BumpLattice((2.0, 1.0), counts, 0.3), rng.random((11, 2)) * 2, rng.normal(size=11)
+    lattice, places, by_place = RbfGrid((2.0, 1.0), counts, 0.3), rng.random((11, 2)) * 2, rng.normal(size=11)
     assert lattice.nodes.shape == (lattice.size, 2)
     bumps = np.exp(-((places[:, None] - lattice.nodes) ** 2).sum(axis=-1) / (2 * 0.3**2))
     np.testing.assert_allclose(lattice.total(places, by_place), by_place @ bumps, rtol=0, atol=1e-12)

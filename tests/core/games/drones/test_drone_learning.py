@@ -22,13 +22,13 @@ from mabirds_core.experiment.assembly import (
     build_learner,
     build_method,
     build_reward,
+    evaluation_policy,
     method_names,
-    policy_of,
 )
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import simulate, simulate_central
 from mabirds_core.games.drones.game import DroneGame
-from mabirds_core.games.drones.lattice import LatticeFinder, LatticePolicy
+from mabirds_core.games.drones.lattice import LatticePlanner, LatticePolicy
 from mabirds_core.games.drones.rewards import LinearDroneReward, NeuralDroneReward, TrueDroneReward
 from mabirds_core.games.drones.rollouts import drone_rollouts
 from mabirds_core.games.drones.study import drone_game
@@ -111,7 +111,7 @@ def test_a_learners_gradient_is_that_of_rollouts_less_demonstrations() -> None:
     rng = np.random.default_rng(0)
     at = Parameters(*(rng.normal(size=values.shape) for values in learner.initial_state().parameters))
     found = learner.step(LearnerState(3, StrictState(at), ()), demonstration, {}).gradient
-    policy = LatticeFinder(game, LinearDroneReward(game), 0.4, 1.0).find(*at)
+    policy = LatticePlanner(game, LinearDroneReward(game), 0.4, 1.0).plan(*at)
     imagined = drone_rollouts(game, policy, 6, np.random.default_rng([3, 0, 3]))
     for part, features in zip(found, (game.reward_features, game.cost_features), strict=True):
         totals = [features.total(discounted_visitation(of, 0.9)) for of in (imagined, demonstration)]
@@ -151,7 +151,7 @@ def test_learning_makes_demonstrations_that_were_not_seen_likelier(changes: dict
     game = drone_game(settings)
     history = simulate(settings, flights(settings))
     unseen = stacked(flights(settings, seed=1)["ann"])
-    meaning = policy_of(settings, "ann", game)
+    meaning = evaluation_policy(settings, "ann", game)
     before, after = (log_likelihood(meaning(history["ann"][n]), game, unseen) for n in (0, -1))
     assert after > before + 3
 
@@ -165,7 +165,7 @@ def test_every_drone_method_but_me_greedy_runs_and_repeats() -> None:
         assert one[name][-1].omega.any()
 
 
-@pytest.mark.parametrize("call", [build_method, policy_of])
+@pytest.mark.parametrize("call", [build_method, evaluation_policy])
 def test_me_greedy_is_refused_for_drones(call: Any) -> None:
     settings = flight_experiment()
     arguments = (settings, "me_greedy") if call is build_method else (settings, "me_greedy", build_game(settings))
@@ -187,8 +187,8 @@ def test_the_reward_model_is_that_of_the_settings(changes: dict[str, Any], model
     settings = flight_experiment(changes)
     assert isinstance(build_learner(settings, "ann").estimator.reward, model)
     assert isinstance(me_gradient(settings).estimator.reward, TrueDroneReward)
-    finder: Any = build_learner(settings, "ann").estimator.finder
-    assert (finder.spacing, finder.temperature) == (0.4, 1.0)
+    planner: Any = build_learner(settings, "ann").estimator.planner
+    assert (planner.spacing, planner.temperature) == (0.4, 1.0)
 
 
 def me_gradient(of: Experiment) -> Bics:
@@ -226,7 +226,7 @@ def test_me_gradient_of_drones_descends_the_difference_of_cost_features_alone() 
     seen = stacked([stream[0] for stream in flights(settings).values()])
     after = method.update(method.initial_state(), seen).parameters
     none = np.zeros(len(game.cost_features.names))
-    policy = LatticeFinder(game, TrueDroneReward(game), 0.4, 1.0).find(np.zeros(0), none)
+    policy = LatticePlanner(game, TrueDroneReward(game), 0.4, 1.0).plan(np.zeros(0), none)
     imagined = drone_rollouts(game, policy, 6, np.random.default_rng([3, 1]))
     totals = [game.cost_features.total(discounted_visitation(of, 0.9)) for of in (imagined, seen)]
     share = 1 / settings.algorithm.window
@@ -238,10 +238,10 @@ def test_policies_are_judged_with_the_reward_that_their_parameters_belong_to() -
     settings = flight_experiment()
     game = drone_game(settings)
     omega = np.random.default_rng(0).normal(size=len(game.cost_features.names))
-    found = policy_of(settings, "me_gradient", game)(Parameters(np.zeros(0), omega))
-    expected = LatticeFinder(game, TrueDroneReward(game), 0.4, 1.0).find(np.zeros(0), omega)
+    found = evaluation_policy(settings, "me_gradient", game)(Parameters(np.zeros(0), omega))
+    expected = LatticePlanner(game, TrueDroneReward(game), 0.4, 1.0).plan(np.zeros(0), omega)
     np.testing.assert_array_equal(found.values, expected.values)
     theta = np.random.default_rng(1).normal(size=len(game.reward_features.names))
-    found = policy_of(settings, "bics", game)(Parameters(theta, omega))
-    expected = LatticeFinder(game, LinearDroneReward(game), 0.4, 1.0).find(theta, omega)
+    found = evaluation_policy(settings, "bics", game)(Parameters(theta, omega))
+    expected = LatticePlanner(game, LinearDroneReward(game), 0.4, 1.0).plan(theta, omega)
     np.testing.assert_array_equal(found.values, expected.values)

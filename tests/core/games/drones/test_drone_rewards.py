@@ -116,7 +116,7 @@ def test_a_neural_reward_is_that_of_its_formula() -> None:
     states = np.array([[0.2, 1.1], [1.4, 0.3], [0.0, 0.0]])
     for drone in range(2):
         parts = theta.reshape(2, 4, 4)[drone]
-        found = model.alone(theta, drone, states, np.zeros((3, 2)))
+        found = model.unary(theta, drone, states, np.zeros((3, 2)))
         for value, (x, y) in zip(found, states, strict=True):
             inputs = 2 * x / 1.6 - 1, 2 * y / 1.2 - 1
             total = sum(
@@ -156,6 +156,6 @@ def test_the_true_reward_has_no_parameters(game: DroneGame) -> None:
 @pytest.mark.parametrize("make", [LinearDroneReward, neural, TrueDroneReward], ids=["linear", "neural", "true"])
 def test_no_reward_model_has_terms_of_pairs(make: Make) -> None:
     model, distances = make(room(2)), np.array([[0.0, 0.1], [0.5, 2.0]])
-    found = model.together(some_theta(model), 0, distances)
+    found = model.pairwise(some_theta(model), 0, distances)
     assert found.shape == distances.shape
     assert not found.any()

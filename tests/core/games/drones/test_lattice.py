@@ -12,9 +12,9 @@ from mabirds_core.algorithm.gradient import GradientEstimator
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Array, Vector
 from mabirds_core.games.drones.game import DroneGame
-from mabirds_core.games.drones.lattice import Lattice, LatticeFinder, LatticePolicy, moves
+from mabirds_core.games.drones.lattice import Lattice, LatticePlanner, LatticePolicy, moves
 from mabirds_core.games.drones.rewards import LinearDroneReward, NeuralDroneReward, TrueDroneReward
-from mabirds_core.games.drones.rollouts import SampledDroneExpectation, drone_rollouts
+from mabirds_core.games.drones.rollouts import SampledDroneOccupancy, drone_rollouts
 from mabirds_core.games.interface import Trajectories, discounted_visitation
 
 every_size = pytest.mark.parametrize("drones", [1, 2])
@@ -27,7 +27,7 @@ def some_parameters(model: Model, scale: float = 1.0, seed: int = 0) -> Paramete
 
 
 def found(model: Model, at: Parameters, spacing: float = 0.8, temperature: float = 1.0) -> LatticePolicy:
-    return LatticeFinder(model.game, model, spacing, temperature).find(*at)
+    return LatticePlanner(model.game, model, spacing, temperature).plan(*at)
 
 
 def tiny(drones: int) -> DroneGame:
@@ -243,27 +243,27 @@ def test_a_policy_is_found_and_followed_alike_every_time(drones: int) -> None:
 
 
 @every_size
-def test_what_a_finder_found_before_changes_nothing(drones: int) -> None:
+def test_what_a_planner_found_before_changes_nothing(drones: int) -> None:
     model = LinearDroneReward(room(drones))
-    finder, one, other = (
-        LatticeFinder(model.game, model, 0.4, 1.0),
+    planner, one, other = (
+        LatticePlanner(model.game, model, 0.4, 1.0),
         some_parameters(model),
         some_parameters(model, seed=1),
     )
     states = model.game.starts(5, np.random.default_rng(0))
-    first = finder.find(*one)
+    first = planner.plan(*one)
     before = first.log_weights(0, states)
-    finder.find(*other)
-    np.testing.assert_array_equal(finder.find(*one).values, first.values)
+    planner.plan(*other)
+    np.testing.assert_array_equal(planner.plan(*one).values, first.values)
     np.testing.assert_array_equal(first.log_weights(0, states), before)
-    np.testing.assert_array_equal(found(model, other, 0.4).values, finder.find(*other).values)
+    np.testing.assert_array_equal(found(model, other, 0.4).values, planner.plan(*other).values)
 
 
-def test_a_finder_remembers_nothing() -> None:
+def test_a_planner_remembers_nothing() -> None:
     model = LinearDroneReward(room(2))
-    finder = LatticeFinder(model.game, model, 0.8, 1.0)
-    assert finder.remember(finder.find(*some_parameters(model))) == {}
-    assert finder.recall({}) is None
+    planner = LatticePlanner(model.game, model, 0.8, 1.0)
+    assert planner.state_dict(planner.plan(*some_parameters(model))) == {}
+    assert planner.load_state_dict({}) is None
 
 
 @every_size
@@ -301,12 +301,12 @@ def test_the_gradient_is_zero_in_the_mean_for_demonstrations_of_the_policy_itsel
     """Within 4.5 standard errors of 2 x 600 flights in each entry; for demonstrations of others it is not."""
     model, count = make(room(drones)), 600
     game, at = model.game, some_parameters(model)
-    finder = LatticeFinder(game, model, 0.4, 1.0)
-    estimator = GradientEstimator(game, model, finder, SampledDroneExpectation(game, count))
-    own = drone_rollouts(game, finder.find(*at), count, np.random.default_rng(8))
+    planner = LatticePlanner(game, model, 0.4, 1.0)
+    estimator = GradientEstimator(game, model, planner, SampledDroneOccupancy(game, count))
+    own = drone_rollouts(game, planner.plan(*at), count, np.random.default_rng(8))
     error = per_flight(model, at.theta, own).std(axis=0) * np.sqrt(2 / count) + 1e-9
     gradient = estimator(at, own, np.random.default_rng(9)).gradient
     assert (np.abs(np.concatenate(gradient)) < 4.5 * error).all()
-    foreign = drone_rollouts(game, finder.find(-at.theta, -at.omega), count, np.random.default_rng(8))
+    foreign = drone_rollouts(game, planner.plan(-at.theta, -at.omega), count, np.random.default_rng(8))
     gradient = estimator(at, foreign, np.random.default_rng(9)).gradient
     assert (np.abs(np.concatenate(gradient)) > 4.5 * error).mean() > 0.3

@@ -13,28 +13,28 @@ from mabirds_core.errors import CheckpointError, ExperimentError
 from mabirds_core.games.drones.actor_critic_networks import Adam, Networks, squashed
 from mabirds_core.games.drones.features import total_reward
 from mabirds_core.games.drones.game import DroneGame
-from mabirds_core.games.drones.lattice import LatticeFinder
+from mabirds_core.games.drones.lattice import LatticePlanner
 from mabirds_core.games.drones.metrics import flight_distance, place_visitation
 from mabirds_core.games.drones.replay import Replay
 from mabirds_core.games.drones.rewards import LinearDroneReward, TrueDroneReward
 from mabirds_core.games.drones.rollouts import drone_rollouts
 from mabirds_core.games.drones.settings import DroneSettings
-from mabirds_core.games.drones.soft_actor_critic import SacFinder, SacPolicy
+from mabirds_core.games.drones.soft_actor_critic import SacPlanner, SacPolicy
 
 SMALL = {"hidden": 8, "steps": 4, "first_steps": 6, "batch": 8, "capacity": 200, "rollouts": 3}
 
 
-def finder(game: DroneGame, temperature: float = 0.1, **changes: object) -> SacFinder:
-    return SacFinder(game, TrueDroneReward(game), temperature, **{**SMALL, **changes})  # type: ignore[arg-type]
+def planner(game: DroneGame, temperature: float = 0.1, **changes: object) -> SacPlanner:
+    return SacPlanner(game, TrueDroneReward(game), temperature, **{**SMALL, **changes})  # type: ignore[arg-type]
 
 
-def found(one: SacFinder, previous: SacPolicy | None = None, seed: int = 0, omega: float = -0.1) -> SacPolicy:
+def found(one: SacPlanner, previous: SacPolicy | None = None, seed: int = 0, omega: float = -0.1) -> SacPolicy:
     weights = np.full(len(one.game.cost_features.names), omega)
-    return one.find(np.zeros(0), weights, previous, np.random.default_rng(seed), random_flights(one.game, 2, seed))
+    return one.plan(np.zeros(0), weights, previous, np.random.default_rng(seed), random_flights(one.game, 2, seed))
 
 
-def bits(one: SacFinder, policy: SacPolicy) -> dict[str, bytes]:
-    return {name: values.tobytes() for name, values in one.remember(policy).items()}
+def bits(one: SacPlanner, policy: SacPolicy) -> dict[str, bytes]:
+    return {name: values.tobytes() for name, values in one.state_dict(policy).items()}
 
 
 @pytest.mark.parametrize("deviation", [0.3, 0.7, 1.2])
@@ -116,7 +116,7 @@ def test_the_replay_keeps_the_newest_rollouts_and_each_demonstration_once() -> N
 
 
 def test_the_same_arguments_give_the_same_bits_and_leave_the_previous_policy_alone() -> None:
-    one = finder(room(2))
+    one = planner(room(2))
     start = found(one)
     before = bits(one, start)
     again, other = found(one, start, seed=1), found(one, start, seed=2)
@@ -126,9 +126,9 @@ def test_the_same_arguments_give_the_same_bits_and_leave_the_previous_policy_alo
 
 
 def test_what_is_remembered_goes_on_as_if_nothing_had_happened() -> None:
-    one = finder(room(2))
+    one = planner(room(2))
     policy = found(one, found(one))
-    recalled = one.recall(one.remember(policy))
+    recalled = one.load_state_dict(one.state_dict(policy))
     assert bits(one, found(one, recalled, seed=7)) == bits(one, found(one, policy, seed=7))
 
 
@@ -143,16 +143,16 @@ def test_what_is_remembered_goes_on_as_if_nothing_had_happened() -> None:
     ],
 )
 def test_memory_that_does_not_fit_is_refused_by_name(name: str, values: Array | None) -> None:
-    one = finder(room(2))
-    memory = one.remember(found(one))
+    one = planner(room(2))
+    memory = one.state_dict(found(one))
     assert name in memory
     del memory[name]
     with pytest.raises(CheckpointError, match=name):
-        one.recall(memory if values is None else {**memory, name: values})
+        one.load_state_dict(memory if values is None else {**memory, name: values})
 
 
 def test_a_policy_of_another_game_or_size_is_no_start() -> None:
-    one, other = finder(room(2)), finder(room(2, {"horizon": 4}))
+    one, other = planner(room(2)), planner(room(2, {"horizon": 4}))
     assert found(one, found(other)).searches == 1
     assert found(one, found(replace(one, hidden=9))).searches == 1
     assert found(one, found(one)).searches == 2
@@ -160,16 +160,16 @@ def test_a_policy_of_another_game_or_size_is_no_start() -> None:
 
 def test_a_gpu_that_is_not_there_is_missed_at_once() -> None:
     if torch.cuda.is_available():
-        assert finder(room(1), device="cuda").device == "cuda"
+        assert planner(room(1), device="cuda").device == "cuda"
     else:
         with pytest.raises(ExperimentError, match="device cuda: torch finds no GPU"):
-            finder(room(1), device="cuda")
+            planner(room(1), device="cuda")
 
 
 def test_nothing_follows_the_last_step() -> None:
     """At t = T what is wanted of Q is what the action itself costs."""
     game = room(2)
-    one = finder(game)
+    one = planner(game)
     policy = found(one)
     theta, omega = np.zeros(0), np.full(len(game.cost_features.names), -0.3)
     batches = one._batches(theta, omega, policy.replay, 20, np.random.default_rng(0))
@@ -184,7 +184,7 @@ def test_nothing_follows_the_last_step() -> None:
 
 def test_rewards_are_those_of_the_newest_parameters() -> None:
     game = room(2)
-    one = finder(game)
+    one = planner(game)
     policy, omega = found(one), np.linspace(-1, 1, len(game.cost_features.names))
     batch = next(iter(one._batches(np.zeros(0), omega, policy.replay, 1, np.random.default_rng(0))))
     states, actions = (values.double().numpy() for values in (batch.states, batch.actions))
@@ -236,18 +236,18 @@ def test_it_comes_near_the_lattice(temperature: float) -> None:
     """
     game, theta, omega = hall()
     reward, seeds = LinearDroneReward(game), iter(range(100))
-    near = LatticeFinder(game, reward, 0.1, temperature).find(theta, omega)
-    one = SacFinder(game, reward, temperature, hidden=64, first_steps=600, steps=200)
+    near = LatticePlanner(game, reward, 0.1, temperature).plan(theta, omega)
+    one = SacPlanner(game, reward, temperature, hidden=64, first_steps=600, steps=200)
     policy = None
     for _ in range(8):
-        policy = one.find(theta, omega, policy, np.random.default_rng(next(seeds)))
+        policy = one.plan(theta, omega, policy, np.random.default_rng(next(seeds)))
     assert policy is not None
     visits = [
         place_visitation(game, drone_rollouts(game, each, 2000, np.random.default_rng(9)), 0.25)
         for each in (near, policy)
     ]
     distance = flight_distance(visits)
-    uniform = LatticeFinder(game, reward, 0.1, 1000.0).find(theta, omega)
+    uniform = LatticePlanner(game, reward, 0.1, 1000.0).plan(theta, omega)
     idle = place_visitation(game, drone_rollouts(game, uniform, 2000, np.random.default_rng(9)), 0.25)
     if temperature < 1:
         assert flight_distance([visits[0], idle]) > 0.5

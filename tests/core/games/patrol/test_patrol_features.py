@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from mabirds_core.arrays import Array
 from mabirds_core.games.interface import FeatureMap, Visitation
 from mabirds_core.games.patrol.game import PatrolGame
-from mabirds_core.planners.occupancy import ExactExpectation
+from mabirds_core.planners.occupancy import ExactOccupancy
 
 GAMES = {"one expert": alone(), "two experts": hallway(), "three experts": trio()}
 KINDS = ["cost", "reward"]
@@ -126,7 +126,7 @@ def test_true_constraints_are_obstacles_sharing_and_swapping_by_name(build: Call
 def test_the_joint_features_count_as_often_as_the_settings_say() -> None:
     plain = hallway()
     scaled = PatrolGame(plain.settings.model_copy(update={"joint_scale": 3.0}))
-    visitation = ExactExpectation(plain)(random_policy(plain, np.random.default_rng(0)), np.random.default_rng(0))
+    visitation = ExactOccupancy(plain)(random_policy(plain, np.random.default_rng(0)), np.random.default_rng(0))
     once, thrice = (game.cost_features.total(visitation) for game in (plain, scaled))
     np.testing.assert_allclose(thrice, once * np.repeat([1.0, 3.0], [len(once) - 2, 2]), atol=1e-12)
     weights = np.random.default_rng(1).normal(size=len(once))

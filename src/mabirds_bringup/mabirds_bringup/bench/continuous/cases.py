@@ -1,4 +1,4 @@
-"""What the benchmark runs: methods on the same demonstrations by either finder, and variations of MA-BIRDS."""
+"""What the benchmark runs: methods on the same demonstrations by either planner, and variations of MA-BIRDS."""
 
 from collections.abc import Iterator
 

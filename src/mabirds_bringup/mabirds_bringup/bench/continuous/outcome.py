@@ -12,7 +12,7 @@ from mabirds_bringup.bench.learning import Streams, drawn_streams, learn
 from mabirds_bringup.bench.results import CaseResult, MetricsRow, curve, entries
 from mabirds_core.algorithm.gradient import stacked
 from mabirds_core.arrays import Array, Mask, Vector
-from mabirds_core.experiment.assembly import policy_of
+from mabirds_core.experiment.assembly import evaluation_policy
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History, Progress
 from mabirds_core.games.drones.learned_costs import closeness_costs, flown_costs, pillar_costs
@@ -100,7 +100,7 @@ def peak_memory() -> float:
 def _judgement(learned: LearnedCase, name: str) -> Judgement:
     """Of the policies that theta and omega mean."""
     experiment, game, parameters = learned.experiment, learned.game, learned.history[name]
-    policy, imitations = policy_of(experiment, name, game), list[Imitation]()
+    policy, imitations = evaluation_policy(experiment, name, game), list[Imitation]()
     for updates, known in enumerate(parameters):
         last = updates in {experiment.iterations, len(parameters) - 1}
         flights = flights_of(experiment, game, policy(known), learned.flights if last else learned.flights // 10)

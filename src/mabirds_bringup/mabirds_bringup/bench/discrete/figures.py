@@ -18,7 +18,7 @@ from mabirds_bringup.bench.frame import array_of, in_order, is_entry, name
 from mabirds_core.arrays import Vector
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.games.patrol.game import PatrolGame
-from mabirds_core.games.patrol.pictures import draw_map, draw_ways
+from mabirds_core.games.patrol.pictures import draw_map, draw_paths
 from mabirds_core.games.patrol.study import patrol_game
 from mabirds_expert_player.recorder import expert_streams
 
@@ -51,7 +51,7 @@ def game_figure(experiment: Experiment) -> Figure:
     )
     for expert, axis in enumerate(axes[0]):
         draw_map(axis, game, expert)
-        draw_ways(axis, game, expert, shown)
+        draw_paths(axis, game, expert, shown)
         axis.set_title(f"expert {expert + 1}", fontsize=9)
     figure.suptitle(f"{experiment.name}: {len(shown)} demonstrations; S starts, G goal, grey obstacles", fontsize=9)
     return figure

@@ -8,7 +8,7 @@ from mabirds_bringup.bench.cases import Case
 from mabirds_bringup.bench.learning import drawn_streams, learn
 from mabirds_bringup.bench.results import CaseResult, MetricsRow, curve, entries
 from mabirds_core.algorithm.parameters import Parameters
-from mabirds_core.experiment.assembly import policy_of
+from mabirds_core.experiment.assembly import evaluation_policy
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import Progress
 from mabirds_core.games.patrol.game import PatrolGame
@@ -39,7 +39,7 @@ def run_case(case: Case, seed: int) -> list[CaseResult]:
 def _rows(
     experiment: Experiment, game: PatrolGame, name: str, parameters: list[Parameters], progress: list[Progress]
 ) -> Iterator[MetricsRow]:
-    policy, omega = policy_of(experiment, name, game), parameters[-1].omega
+    policy, omega = evaluation_policy(experiment, name, game), parameters[-1].omega
     imitations = [exact_imitation(game, policy(known)) for known in parameters]
     yield from curve("violation_rate", [imitation.violation_rate for imitation in imitations])
     yield from curve("success_rate", [imitation.success_rate for imitation in imitations])

@@ -3,7 +3,7 @@
     single integrator:  p' = p + dt a                               |a| <= max_speed
     double integrator:  v' = v + dt a,  p' = p + dt v'              |a| <= max_acceleration, |v'| <= max_speed
 
-Longer actions and velocities are shortened, and walls stop a drone. One that is at its door stays as it is, at rest.
+Longer actions and velocities are truncate, and walls stop a drone. One that is at its door stays as it is, at rest.
 """
 
 from dataclasses import dataclass, replace

@@ -1,6 +1,6 @@
 """Features of the drone game: Gaussian bumps of places and of distances, and effort.
 
-Each is a sum of terms of one drone and of two drones, which the lattice finder needs to know apart:
+Each is a sum of terms of one drone and of two drones, which the lattice planner needs to know apart:
 
     r(s, a) = sum_i alone_i(s_i, a_i) + sum_{i<j} together(|p_i - p_j|)
 """
@@ -20,11 +20,11 @@ from mabirds_core.games.interface import Visitation
 class DroneReward(Protocol):
     """A reward of the drone game, or a cost, that a vector of weights or parameters decides."""
 
-    def alone(self, weights: Vector, drone: int, states: Array, actions: Array) -> Array:
+    def unary(self, weights: Vector, drone: int, states: Array, actions: Array) -> Array:
         """Terms of one drone for its states (..., D) and actions (..., 2), shapes that fit; result (...)."""
         ...
 
-    def together(self, weights: Vector, pair: int, distances: Array) -> Array:
+    def pairwise(self, weights: Vector, pair: int, distances: Array) -> Array:
         """Terms of the drones of ``DroneGame.pairs[pair]`` for their distances [m], shape of ``distances``."""
         ...
 
@@ -34,9 +34,9 @@ def total_reward(space: DroneSpace, reward: DroneReward, weights: Vector, states
     drones, controls = space.drones(states), space.controls(actions)
     result = np.zeros(len(states))
     for i in range(space.n_experts):
-        result += reward.alone(weights, i, drones[:, i], controls[:, i])
+        result += reward.unary(weights, i, drones[:, i], controls[:, i])
     for pair, distances in enumerate(pair_distances(space, states)):
-        result += reward.together(weights, pair, distances)
+        result += reward.pairwise(weights, pair, distances)
     return result
 
 
@@ -47,7 +47,7 @@ def pair_distances(space: DroneSpace, states: Array) -> Iterator[Array]:
         yield np.sqrt(((places[:, i] - places[:, j]) ** 2).sum(axis=-1))
 
 
-class BumpLattice:
+class RbfGrid:
     """Bumps exp(-|p - c|^2 / 2 width^2) with middles c on a lattice of X times Y points over the room.
 
     A bump is a product of one along x and one along y, so that no array of all bumps at all places is needed.
@@ -94,7 +94,7 @@ class DroneCostFeatures:
         features = settings.features
         self._space, self._widths = space, np.array(features.distance_widths)
         self._doors, self._distance_scale = [task.door for task in settings.drones], features.distance_scale
-        self.lattice = BumpLattice(space.sides, space.grid(features.cost_spacing), features.cost_width)
+        self.lattice = RbfGrid(space.sides, space.grid(features.cost_spacing), features.cost_width)
         self._effort = features.effort_scale / max_action**2
 
     @cached_property
@@ -137,14 +137,14 @@ class DroneCostFeatures:
             ]
         )
 
-    def alone(self, weights: Vector, drone: int, states: Array, actions: Array) -> Array:
+    def unary(self, weights: Vector, drone: int, states: Array, actions: Array) -> Array:
         """Costs of one drone's place and effort."""
         by_place, _, effort = self._parts(weights)
         places = states[..., :2]
         of_place = self.lattice.values(by_place[drone], places) * self._fade(drone, places)
         return np.asarray(of_place + effort[drone] * self._effort * (actions**2).sum(axis=-1))
 
-    def together(self, weights: Vector, pair: int, distances: Array) -> Array:
+    def pairwise(self, weights: Vector, pair: int, distances: Array) -> Array:
         """Costs of a pair's distance."""
         return np.asarray(self._bumps(distances) @ self._parts(weights)[1][pair])
 
@@ -154,7 +154,7 @@ class DroneRewardFeatures:
 
     def __init__(self, space: DroneSpace, settings: DroneFeatureSettings) -> None:
         self._space = space
-        self.lattice = BumpLattice(space.sides, space.grid(settings.reward_spacing), settings.reward_width)
+        self.lattice = RbfGrid(space.sides, space.grid(settings.reward_spacing), settings.reward_width)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -169,10 +169,10 @@ class DroneRewardFeatures:
             [self.lattice.total(places[:, i], visitation.weights) for i in range(self._space.n_experts)]
         )
 
-    def alone(self, weights: Vector, drone: int, states: Array, actions: Array) -> Array:  # noqa: ARG002 - of places
+    def unary(self, weights: Vector, drone: int, states: Array, actions: Array) -> Array:  # noqa: ARG002 - of places
         """Rewards of one drone's place."""
         return self.lattice.values(weights.reshape(self._space.n_experts, -1)[drone], states[..., :2])
 
-    def together(self, weights: Vector, pair: int, distances: Array) -> Array:  # noqa: ARG002 - each drone has its own
+    def pairwise(self, weights: Vector, pair: int, distances: Array) -> Array:  # noqa: ARG002 - each drone has its own
         """Nothing."""
         return np.zeros(distances.shape)

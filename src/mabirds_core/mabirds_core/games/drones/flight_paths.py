@@ -26,13 +26,13 @@ LEFT, RIGHT = 1, -1
 
 SPACING = 0.15
 """Between the points of a way [m]."""
-LEAST_POINTS, MOST_POINTS = 24, 256
+LEAST_POINTS, MAX_POINTS = 24, 256
 """Of a way; fewer are no curve, more take long."""
 TENSION, STIFFNESS = 2.0, 8.0
 """Of the elastic band."""
 PULLS = 60
 """How often the band is pulled towards its rest."""
-MOST_NODES = 200
+MAX_NODES = 200
 """Of the lattice along a wall."""
 
 
@@ -81,7 +81,7 @@ class PathPlanner:
         self._keep = self._reach + margin
         self._wall = np.minimum(radius, game.room / 2)
         self._longest = settings.horizon * settings.time_step * settings.max_speed
-        self._spacing = max(radius, max(settings.room) / MOST_NODES)
+        self._spacing = max(radius, max(settings.room) / MAX_NODES)
 
     @cached_property
     def corridors(self) -> list[dict[Side, Corridor]]:
@@ -95,7 +95,7 @@ class PathPlanner:
     def _points(self) -> int:
         """Of every way of this game."""
         longest = max(length_of(way.points) for ways in self.corridors for way in ways.values())
-        return int(np.clip(longest / SPACING, LEAST_POINTS, MOST_POINTS))
+        return int(np.clip(longest / SPACING, LEAST_POINTS, MAX_POINTS))
 
     def side_of(self, drone: int, start: Array) -> Side:
         """On which side of the straight way from the middle of its start to its door the drone starts."""

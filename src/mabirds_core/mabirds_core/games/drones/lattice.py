@@ -159,12 +159,12 @@ def move_rewards(
 ) -> Array:
     """log mu(a) + r_i(s, a) / tau of one drone's M states (M, 2) and A moves, shape (M, A)."""
     velocities, shares = lattice.moves
-    terms = (one.alone(weights, drone, states[:, None], velocities) for one, weights in rewards)
+    terms = (one.unary(weights, drone, states[:, None], velocities) for one, weights in rewards)
     return np.asarray(np.log(shares) + sum(terms, np.zeros((len(states), 1))) / temperature)
 
 
 @dataclass(frozen=True)
-class LatticeFinder:
+class LatticePlanner:
     """Near-exact: the error is that of the lattice alone. For one or two single integrators."""
 
     game: DroneGame
@@ -178,7 +178,7 @@ class LatticeFinder:
         """The nodes, and where moves lead from them."""
         return Lattice(self.game, self.spacing)
 
-    def find(
+    def plan(
         self,
         theta: Vector,
         omega: Vector,
@@ -194,18 +194,18 @@ class LatticeFinder:
             together = np.zeros((1, 1))
         else:
             distances = self.lattice.pair_distances
-            together = sum((one.together(w, 0, distances) for one, w in rewards), np.zeros_like(distances))
+            together = sum((one.pairwise(w, 0, distances) for one, w in rewards), np.zeros_like(distances))
         values = np.zeros((self.game.horizon + 2, kernels[0].size, kernels[1].size))
         for step in range(self.game.horizon, -1, -1):
             values[step] = backup(kernels[0], kernels[1], self.game.discount * values[step + 1])
             values[step] += together / self.temperature
         return LatticePolicy(self.lattice, rewards, self.temperature, values)
 
-    def remember(self, policy: Policy) -> dict[str, Array]:  # noqa: ARG002 - nothing is searched
+    def state_dict(self, policy: Policy) -> dict[str, Array]:  # noqa: ARG002 - nothing is searched
         """Nothing."""
         return {}
 
-    def recall(self, memory: Mapping[str, Array]) -> None:
+    def load_state_dict(self, memory: Mapping[str, Array]) -> None:
         """No policy is needed to start from."""
 
 

@@ -19,13 +19,13 @@ def place_costs(game: DroneGame, omega: Vector, drone: int, places: Array) -> Ar
     """Of places (..., 2) of a drone that makes no effort, shape (...)."""
     states = np.zeros((places[..., 0].size, game.dynamics.drone_size))
     states[:, :2] = places.reshape(-1, 2)
-    costs = -game.cost_features.alone(omega, drone, states, np.zeros((len(states), 2)))
+    costs = -game.cost_features.unary(omega, drone, states, np.zeros((len(states), 2)))
     return np.asarray(costs.reshape(places.shape[:-1]))
 
 
 def distance_costs(game: DroneGame, omega: Vector, pair: int, distances: Array) -> Array:
     """Of the distances [m] of the drones of ``game.pairs[pair]``, shape of ``distances``."""
-    return np.asarray(-game.cost_features.together(omega, pair, distances))
+    return np.asarray(-game.cost_features.pairwise(omega, pair, distances))
 
 
 def disc(centre: tuple[float, float], radius: float) -> Array:

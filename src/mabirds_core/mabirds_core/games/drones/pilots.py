@@ -251,6 +251,6 @@ def correlated_noise(steps: int, drones: int, rng: np.random.Generator) -> Array
 
 
 def _at_most(vectors: Array, longest: float) -> Array:
-    """Vectors (k, 2), shortened where they are longer."""
+    """Vectors (k, 2), truncate where they are longer."""
     length = np.hypot(*vectors.T)[:, None]
     return np.asarray(vectors * np.where(length > longest, longest / np.maximum(length, 1e-300), 1.0))

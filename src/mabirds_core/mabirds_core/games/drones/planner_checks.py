@@ -7,7 +7,7 @@ from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.planner_settings import LatticeSettings, SoftActorCriticSettings
 from mabirds_core.planners.settings import check_rollouts
 
-MOST_VALUES = 200_000_000
+MAX_VALUES = 200_000_000
 """Values that a policy on a lattice may keep, and weights of where moves lead: 1.6 gigabytes each."""
 
 MOVES = 25
@@ -30,10 +30,10 @@ def check_lattice(lattice: LatticeSettings, game: DroneGame) -> None:
     nodes = math.prod(float(count) for count in settings.lattice(lattice.spacing))
     of_states = nodes**game.n_experts * (game.horizon + 2)
     of_moves = nodes * game.n_experts * MOVES * math.prod(map(float, settings.window(lattice.spacing)))
-    if (values := max(of_states, of_moves)) > MOST_VALUES:
+    if (values := max(of_states, of_moves)) > MAX_VALUES:
         raise ExperimentError(
             f"algorithm.policy.spacing {lattice.spacing:g} m makes {values:.2g} values, expected at most"
-            f" {MOST_VALUES:.2g}; take a larger one"
+            f" {MAX_VALUES:.2g}; take a larger one"
         )
 
 

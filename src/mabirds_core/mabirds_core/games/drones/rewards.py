@@ -35,13 +35,13 @@ class LinearDroneReward:
         """The visitation's total of the features."""
         return self.game.reward_features.total(visitation)
 
-    def alone(self, theta: Vector, drone: int, states: Array, actions: Array) -> Array:
+    def unary(self, theta: Vector, drone: int, states: Array, actions: Array) -> Array:
         """theta^T f of one drone."""
-        return self.game.reward_features.alone(theta, drone, states, actions)
+        return self.game.reward_features.unary(theta, drone, states, actions)
 
-    def together(self, theta: Vector, pair: int, distances: Array) -> Array:
+    def pairwise(self, theta: Vector, pair: int, distances: Array) -> Array:
         """Nothing."""
-        return self.game.reward_features.together(theta, pair, distances)
+        return self.game.reward_features.pairwise(theta, pair, distances)
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class NeuralDroneReward:
         weights, one = torch.tensor(visitation.weights), torch.tensor(theta)
         return np.asarray(torch.func.grad(lambda t: weights @ self._rewards(t, places).sum(dim=1))(one))
 
-    def alone(self, theta: Vector, drone: int, states: Array, actions: Array) -> Array:  # noqa: ARG002 - of places
+    def unary(self, theta: Vector, drone: int, states: Array, actions: Array) -> Array:  # noqa: ARG002 - of places
         """w_i of one drone."""
         import torch
 
@@ -86,7 +86,7 @@ class NeuralDroneReward:
         own = torch.tensor(theta.reshape(self.game.n_experts, -1)[drone])
         return np.asarray(self._rewards(own, places)[..., 0])
 
-    def together(self, theta: Vector, pair: int, distances: Array) -> Array:  # noqa: ARG002 - each drone has its own
+    def pairwise(self, theta: Vector, pair: int, distances: Array) -> Array:  # noqa: ARG002 - each drone has its own
         """Nothing."""
         return np.zeros(distances.shape)
 
@@ -126,12 +126,12 @@ class TrueDroneReward:
         """Empty."""
         return np.zeros(0)
 
-    def alone(self, theta: Vector, drone: int, states: Array, actions: Array) -> Array:  # noqa: ARG002
+    def unary(self, theta: Vector, drone: int, states: Array, actions: Array) -> Array:  # noqa: ARG002
         """-step_cost where the drone is not at its door."""
         door = self.game.settings.drones[drone].door
         there = ((states[..., :2] - door.centre) ** 2).sum(axis=-1) <= door.radius**2
         return np.where(there, 0.0, -self.game.settings.step_cost)
 
-    def together(self, theta: Vector, pair: int, distances: Array) -> Array:  # noqa: ARG002 - none
+    def pairwise(self, theta: Vector, pair: int, distances: Array) -> Array:  # noqa: ARG002 - none
         """Nothing."""
         return np.zeros(distances.shape)

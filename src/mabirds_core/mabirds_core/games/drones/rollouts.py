@@ -33,7 +33,7 @@ def drone_rollouts(
 
 
 @dataclass(frozen=True)
-class SampledDroneExpectation:
+class SampledDroneOccupancy:
     """Means over ``count`` rollouts: the paper's m trajectories zeta^j."""
 
     game: DroneGame

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from mabirds_core.settings import Settings
 
-MOST_FEATURES = 100_000
+MAX_FEATURES = 100_000
 """Cost features of a game; a million of them would fill a message with megabytes."""
 
 Point = tuple[float, float]
@@ -116,6 +116,6 @@ class DroneSettings(Settings):
         spacings = {"cost_spacing": self.features.cost_spacing, "reward_spacing": self.features.reward_spacing}
         for name, spacing in spacings.items():
             count = self.n_experts * int(np.prod(np.array(self.lattice(spacing), dtype=float)))
-            if count > MOST_FEATURES:
-                raise ValueError(f"features.{name} {spacing:g} makes {count} bumps, expected at most {MOST_FEATURES}")
+            if count > MAX_FEATURES:
+                raise ValueError(f"features.{name} {spacing:g} makes {count} bumps, expected at most {MAX_FEATURES}")
         return self

@@ -105,8 +105,8 @@ class SacPolicy:
 
 
 @dataclass(frozen=True)
-class SacFinder:
-    """The finder that learns from flights, its own and those observed; it starts from where ``previous`` stopped."""
+class SacPlanner:
+    """The planner that learns from flights, its own and those observed; it starts from where ``previous`` stopped."""
 
     game: DroneGame
     reward_model: DroneRewardModel
@@ -136,7 +136,7 @@ class SacFinder:
         if self.device == "cuda" and not torch.cuda.is_available():
             raise ExperimentError("device cuda: torch finds no GPU that it can use; set device to cpu")
 
-    def find(
+    def plan(
         self,
         theta: Vector,
         omega: Vector,
@@ -239,7 +239,7 @@ class SacFinder:
         q = networks.q(critics, batch.states, batch.times, actions).amin(0)
         return (self.temperature * log_pi - networks.horizons[batch.times.long()] * q).mean()
 
-    def remember(self, policy: Policy) -> dict[str, Array]:
+    def state_dict(self, policy: Policy) -> dict[str, Array]:
         """Networks with Adam's moments, the replay and the counts."""
         actor, critics, targets = policy.learned
         tensors = {"targets": targets}
@@ -252,7 +252,7 @@ class SacFinder:
             **{f"demonstrations.{name}": values for name, values in policy.replay.demonstrations._asdict().items()},
         }
 
-    def recall(self, memory: Mapping[str, Array]) -> SacPolicy:
+    def load_state_dict(self, memory: Mapping[str, Array]) -> SacPolicy:
         """The policy that was remembered."""
         networks = Networks(self.game, self.hidden)
         searches, *counts = _numbers(memory, "counts", (3,)).tolist()
@@ -292,7 +292,7 @@ def _numbers(memory: Mapping[str, Array], name: str, shape: tuple[int, ...]) -> 
     if not fits or not (np.abs(values) <= LARGEST).all():
         raise CheckpointError(
             f"{name}: shape {values.shape}, expected {shape} and finite numbers; the checkpoint is of another game or"
-            " other settings of the policy finder"
+            " other settings of the planner"
         )
     return values
 

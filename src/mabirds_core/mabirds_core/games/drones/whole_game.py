@@ -9,15 +9,15 @@ from mabirds_core.games.drones.judge import FlightJudge
 from mabirds_core.games.drones.planner_checks import suits_lattice
 from mabirds_core.games.drones.planner_settings import LatticeSettings, SoftActorCriticSettings
 from mabirds_core.games.drones.rewards import DroneRewardModel, LinearDroneReward, NeuralDroneReward, TrueDroneReward
-from mabirds_core.games.drones.rollouts import SampledDroneExpectation
+from mabirds_core.games.drones.rollouts import SampledDroneOccupancy
 from mabirds_core.games.interface import Experts, Learned
-from mabirds_core.planners.interface import PolicyFinder
+from mabirds_core.planners.interface import Planner
 from mabirds_core.registry import build
 
 DRONES, SAC = "mabirds_core[drones]", "mabirds_core[sac]"
 """What brings scipy, and what brings torch besides."""
 
-JUDGE_SPACING = 0.3
+EVAL_SPACING = 0.3
 """Metres between the nodes on which the parameters of soft actor-critics are judged."""
 
 
@@ -32,9 +32,9 @@ class WholeDroneGame(DroneGame):
         """By flights."""
         return FlightJudge(self)
 
-    def expectation(self, kind: str, count: int) -> SampledDroneExpectation:  # noqa: ARG002 - there is no other
+    def expectation(self, kind: str, count: int) -> SampledDroneOccupancy:  # noqa: ARG002 - there is no other
         """Means over ``count`` rollouts."""
-        return SampledDroneExpectation(self, count)
+        return SampledDroneOccupancy(self, count)
 
     def linear_reward(self) -> LinearDroneReward:
         """theta^T f."""
@@ -49,12 +49,12 @@ class WholeDroneGame(DroneGame):
         """Minus the step cost for each drone under way."""
         return TrueDroneReward(self)
 
-    def evaluation_planner(self, planner: Any, reward: DroneRewardModel) -> PolicyFinder:
+    def evaluation_planner(self, planner: Any, reward: DroneRewardModel) -> Planner:
         """Near-exact, on a lattice, for one or two single integrators; otherwise the planner that learned, anew."""
         if isinstance(planner, SoftActorCriticSettings) and suits_lattice(self):
-            coarse = LatticeSettings(kind="lattice", spacing=JUDGE_SPACING, temperature=planner.temperature)
+            coarse = LatticeSettings(kind="lattice", spacing=EVAL_SPACING, temperature=planner.temperature)
             return build_lattice(coarse, self, reward)
-        own: PolicyFinder = build("mabirds.planners", planner, self, reward)
+        own: Planner = build("mabirds.planners", planner, self, reward)
         return own
 
     def experts(self, kind: str, side: str) -> Experts:  # noqa: ARG002 - there is no other
@@ -71,9 +71,9 @@ class WholeDroneGame(DroneGame):
         return rooms_figure(self, self.judge, learned, seed)
 
 
-def build_lattice(settings: LatticeSettings, game: DroneGame, reward: DroneRewardModel) -> PolicyFinder:
+def build_lattice(settings: LatticeSettings, game: DroneGame, reward: DroneRewardModel) -> Planner:
     """The planner of the settings."""
     require("scipy", "policies of drones on a lattice", DRONES)
-    from mabirds_core.games.drones.lattice import LatticeFinder  # scipy is for drones: patrols do without
+    from mabirds_core.games.drones.lattice import LatticePlanner  # scipy is for drones: patrols do without
 
-    return LatticeFinder(game, reward, settings.spacing, settings.temperature)
+    return LatticePlanner(game, reward, settings.spacing, settings.temperature)

@@ -17,7 +17,7 @@ from mabirds_core.metrics.metrics import learned_constraints
 from mabirds_core.planners.interface import TabularPolicy
 from mabirds_core.planners.occupancy import occupancy_measure
 
-MOST_STARTS = 24
+MAX_STARTS = 24
 """More starts than these would hide the map."""
 
 
@@ -33,7 +33,7 @@ def draw_map(
     if learned is not None:
         rows, columns = np.divmod(np.flatnonzero(learned), game.width)
         axis.scatter(columns, rows, marker="x", color="tab:red", s=28)
-    for row, column in {start[expert] for start in game.settings.starts[:MOST_STARTS]}:
+    for row, column in {start[expert] for start in game.settings.starts[:MAX_STARTS]}:
         axis.annotate("S", (column, row), ha="center", va="center", fontsize=8)
     row, column = game.settings.goals[expert]
     box = {"boxstyle": "round,pad=0.1", "color": "tab:green", "alpha": 0.8}
@@ -42,7 +42,7 @@ def draw_map(
     axis.set_yticks([])
 
 
-def draw_ways(axis: Axes, game: PatrolGame, expert: int, demonstrations: Sequence[Trajectories]) -> None:
+def draw_paths(axis: Axes, game: PatrolGame, expert: int, demonstrations: Sequence[Trajectories]) -> None:
     """One thin line a demonstration, each shifted a little so that all can be seen."""
     for offset, one in zip(np.linspace(-0.25, 0.25, len(demonstrations)), demonstrations, strict=True):
         rows, columns = np.divmod(game.cells(one.states[0])[expert], game.width)

@@ -8,11 +8,11 @@ from pydantic import Field, field_validator, model_validator
 from mabirds_core.games.patrol.geometry import N_MOVES
 from mabirds_core.settings import Settings
 
-MOST_PAIRS = 20_000_000
+MAX_PAIRS = 20_000_000
 """Joint state-action pairs that a learner can tabulate: some gigabytes."""
-MOST_FLOAT = 10**300
+MAX_FLOAT = 10**300
 """Larger whole numbers cannot be written as floating-point ones."""
-MOST_VALUES = 200_000_000
+MAX_VALUES = 200_000_000
 """Values of joint states at all steps that a policy can keep: 1.6 gigabytes."""
 
 Cell = tuple[int, int]
@@ -69,15 +69,15 @@ class PatrolSettings(Settings):
         states = (height * width) ** self.n_experts
         pairs, values = states * N_MOVES**self.n_experts, states * (self.horizon + 2)
         experts = f"{self.n_experts} experts on a {height}x{width} map make"
-        if pairs > MOST_PAIRS:
+        if pairs > MAX_PAIRS:
             raise ValueError(
-                f"{experts} {min(pairs, MOST_FLOAT):.2g} joint state-action pairs, expected at most {MOST_PAIRS:.2g};"
+                f"{experts} {min(pairs, MAX_FLOAT):.2g} joint state-action pairs, expected at most {MAX_PAIRS:.2g};"
                 " take a smaller map or fewer experts"
             )
-        if values > MOST_VALUES:
+        if values > MAX_VALUES:
             raise ValueError(
                 f"{experts} {states} joint states, {values:.2g} values in {self.horizon + 2} steps, expected at most"
-                f" {MOST_VALUES:.2g}; take a shorter horizon, a smaller map or fewer experts"
+                f" {MAX_VALUES:.2g}; take a shorter horizon, a smaller map or fewer experts"
             )
 
     def _check_probabilities(self) -> None:

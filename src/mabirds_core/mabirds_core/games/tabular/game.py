@@ -9,9 +9,9 @@ from typing import Any
 from mabirds_core.games.interface import Experts, Learned, TabularGame
 from mabirds_core.games.tabular.experts import KINDS, TabularExperts
 from mabirds_core.games.tabular.judge import ExactJudge
-from mabirds_core.planners.interface import Expectation
-from mabirds_core.planners.occupancy import ExactExpectation, SampledExpectation
-from mabirds_core.planners.soft_bellman import SoftBellmanFinder
+from mabirds_core.planners.interface import OccupancyEstimator
+from mabirds_core.planners.occupancy import ExactOccupancy, SampledOccupancy
+from mabirds_core.planners.soft_bellman import SoftBellmanPlanner
 from mabirds_core.rewards.models import LinearReward, NeuralReward, TabularRewardModel, TrueReward
 
 
@@ -26,9 +26,9 @@ class EnumerableGame:
         """Rates without sampling."""
         return ExactJudge(self)
 
-    def expectation(self: TabularGame, kind: str, count: int) -> Expectation:
+    def expectation(self: TabularGame, kind: str, count: int) -> OccupancyEstimator:
         """The occupancy measure, or means over ``count`` rollouts."""
-        return ExactExpectation(self) if kind == "exact" else SampledExpectation(self, count)
+        return ExactOccupancy(self) if kind == "exact" else SampledOccupancy(self, count)
 
     def linear_reward(self: TabularGame) -> LinearReward:
         """theta^T f."""
@@ -42,9 +42,9 @@ class EnumerableGame:
         """The task reward; theta is empty."""
         return TrueReward(self)
 
-    def evaluation_planner(self: TabularGame, planner: Any, reward: TabularRewardModel) -> SoftBellmanFinder:  # noqa: ARG002
+    def evaluation_planner(self: TabularGame, planner: Any, reward: TabularRewardModel) -> SoftBellmanPlanner:  # noqa: ARG002
         """The exact one, whichever learned."""
-        return SoftBellmanFinder(self, reward, self.cost_features)
+        return SoftBellmanPlanner(self, reward, self.cost_features)
 
     def experts(self: TabularGame, kind: str, side: str) -> Experts:  # noqa: ARG002 - all ways are known to them
         """Optimal ones, or those of maximum entropy."""
