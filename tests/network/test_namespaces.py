@@ -128,7 +128,7 @@ def words(standing: dict[str, Any], *names: str) -> str:
 
 
 def assert_same_bits(found: Any, expected: Any, what: str) -> None:
-    """Row n - 1 of both is iteration n."""
+    """LearnerMetrics n - 1 of both is iteration n."""
     assert found.shape == expected.shape, what
     different = 1 + np.flatnonzero((found.view(np.uint64) != expected.view(np.uint64)).any(axis=1))
     assert not different.size, f"{what} differs at iterations {different}"

@@ -16,5 +16,5 @@ def sanitize(text: str, most: int = 300) -> str:
     >>> sanitize("all is well\n\x1b[2J")
     'all is well\\n\\x1b[2J'
     """
-    seen = "".join(one if one.isprintable() else ascii(one)[1:-1] for one in text[:most])
+    seen = "".join(char if char.isprintable() else ascii(char)[1:-1] for char in text[:most])
     return seen if len(text) <= most else f"{seen}... ({len(text)} characters)"

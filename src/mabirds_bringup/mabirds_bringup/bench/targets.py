@@ -41,7 +41,7 @@ class Limits:
     name: pl.Expr = NAME
 
     def targets(self, rows: pl.DataFrame) -> pl.DataFrame:
-        """Row by row: name, value, target, at_most, met."""
+        """MetricsRow by row: name, value, target, at_most, met."""
         own = rows.filter(group=self.group).with_row_index("row")
         found = pl.concat([limit.targets(own, self.name) for limit in self.limits])
         return judged(found.sort("row", maintain_order=True).drop("row"))

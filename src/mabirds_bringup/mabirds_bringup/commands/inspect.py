@@ -75,7 +75,7 @@ def _inspect_once(top: int, timeout: float, json_stream: Any) -> int:
     deadline = time.monotonic() + timeout
     while not node.complete and time.monotonic() < deadline:
         executor.spin_once(timeout_sec=0.1)
-    learners = {name: describe(one, top) for name, one in sorted(node.learners.items())}
+    learners = {name: describe(learner, top) for name, learner in sorted(node.learners.items())}
     if json_stream is not None:
         print_json({"learners": learners, "missing": node.missing()}, json_stream)
     else:
@@ -113,7 +113,7 @@ def _status_line(content: dict[str, Any]) -> str:
 
 
 def _parameters_line(content: dict[str, Any]) -> str:
-    costliest = ", ".join(f"{one['feature']} {one['cost']:.3g}" for one in content["costliest"])
+    costliest = ", ".join(f"{cost['feature']} {cost['cost']:.3g}" for cost in content["costliest"])
     return (
         f"parameters {content['iteration']}: |theta| {content['theta_norm']:.4g}, |omega| {content['omega_norm']:.4g},"
         f" costliest: {costliest}"

@@ -14,7 +14,7 @@ from mabirds_core.metrics.metrics import consensus_distance, constraint_errors, 
 
 
 @dataclass(frozen=True)
-class Row:
+class LearnerMetrics:
     """One learner at one iteration; rates in [0, 1]."""
 
     learner: str
@@ -29,17 +29,17 @@ class Row:
 class Evaluation:
     """Rows by learner and iteration, and the consensus distances by iteration."""
 
-    rows: list[Row]
+    rows: list[LearnerMetrics]
     consensus_theta: list[float]
     consensus_omega: list[float]
     consensus_policy: float
     learned: dict[str, list[str]]
 
-    def final(self, learner: str) -> Row:
+    def final(self, learner: str) -> LearnerMetrics:
         """The newest row of a learner."""
         return [row for row in self.rows if row.learner == learner][-1]
 
-    def of(self, learner: str) -> list[Row]:
+    def of(self, learner: str) -> list[LearnerMetrics]:
         """A learner's rows in order."""
         return [row for row in self.rows if row.learner == learner]
 
@@ -51,22 +51,20 @@ def evaluate(experiment: Experiment, history: History, on_row: Callable[[], None
     for name, parameters in history.items():
         policy = evaluation_policy(experiment, name, game)
         for iteration in game.judge.eval_iterations(len(parameters)):
-            one = parameters[iteration - 1]
-            imitation = game.judge.imitation(policy(one), experiment.seed)
-            errors = constraint_errors(one.omega, game.true_constraints, experiment.constraint_threshold)
-            rows.append(Row(name, iteration, *imitation, *errors))
+            current = parameters[iteration - 1]
+            imitation = game.judge.imitation(policy(current), experiment.seed)
+            errors = constraint_errors(current.omega, game.true_constraints, experiment.constraint_threshold)
+            rows.append(LearnerMetrics(name, iteration, *imitation, *errors))
             on_row()
     together = list(zip(*history.values(), strict=False))
     final = {name: parameters[-1] for name, parameters in history.items()}
     policies = [evaluation_policy(experiment, name, game)(last) for name, last in final.items()]
     return Evaluation(
         rows,
-        [consensus_distance([one.theta for one in ones]) for ones in together],
-        [consensus_distance([one.omega for one in ones]) for ones in together],
-        game.judge.distance(
-            [evaluation_policy(experiment, name, game)(one) for name, one in final.items()], experiment.seed
-        ),
-        {name: _learned_names(experiment, game.cost_features.names, one) for name, one in final.items()},
+        [consensus_distance([learner.theta for learner in learners]) for learners in together],
+        [consensus_distance([learner.omega for learner in learners]) for learners in together],
+        game.judge.distance(policies, experiment.seed),
+        {name: _learned_names(experiment, game.cost_features.names, last) for name, last in final.items()},
     )
 
 

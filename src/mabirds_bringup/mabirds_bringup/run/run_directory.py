@@ -15,7 +15,7 @@ from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
-from mabirds_bringup.evaluate.evaluation import Evaluation, Row
+from mabirds_bringup.evaluate.evaluation import Evaluation, LearnerMetrics
 from mabirds_core.experiment.assembly import build_game
 from mabirds_core.experiment.file import Experiment
 
@@ -101,7 +101,7 @@ def _version(package: str) -> str | None:
 
 def write_metrics(directory: Path, evaluation: Evaluation) -> None:
     """metrics.csv: one row a learner and iteration, with the consensus distances of that iteration."""
-    columns = [field.name for field in fields(Row)]
+    columns = [field.name for field in fields(LearnerMetrics)]
     with (directory / "metrics.csv").open("w", newline="", encoding="utf-8") as stream:
         writer = csv.DictWriter(stream, [*columns, "consensus_theta", "consensus_omega"])
         writer.writeheader()

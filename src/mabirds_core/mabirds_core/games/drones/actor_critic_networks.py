@@ -150,8 +150,8 @@ class Networks:
         x, y = (torch.exp(-(((places[..., i, None] - self._axes[i]) / self._width) ** 2) / 2) for i in (0, 1))
         parts = [self.plain(states), (x[..., :, None] * y[..., None, :]).flatten(1)]
         if self.game.pairs:
-            one, other = np.transpose(self.game.pairs).tolist()
-            distances = (((places[:, one] - places[:, other]) ** 2).sum(-1) + LEAST_SQUARE).sqrt()[..., None]
+            first, second = np.transpose(self.game.pairs).tolist()
+            distances = (((places[:, first] - places[:, second]) ** 2).sum(-1) + LEAST_SQUARE).sqrt()[..., None]
             parts += [distances.flatten(1), torch.exp(-((distances / self._distances) ** 2) / 2).flatten(1)]
         return torch.cat(parts, dim=1)
 

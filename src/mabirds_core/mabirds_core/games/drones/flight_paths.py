@@ -210,13 +210,13 @@ def _steps(free: Mask) -> "coo_array[np.float64]":
     rows, columns = np.nonzero(free)
     place, number = (rows + 1) * width + columns + 1, np.full((free.shape[0] + 2) * width, -1)
     number[place] = np.arange(len(place))
-    ones, others, lengths = [], [], []
+    nodes, others, lengths = [], [], []
     for row, column in ((0, 1), (1, 0), (1, 1), (1, -1)):
         beside = number[place + row * width + column]
-        ones.append(np.flatnonzero(beside >= 0))
+        nodes.append(np.flatnonzero(beside >= 0))
         others.append(beside[beside >= 0])
-        lengths.append(np.full(len(ones[-1]), np.hypot(row, column)))
-    ends = (np.concatenate(ones), np.concatenate(others))
+        lengths.append(np.full(len(nodes[-1]), np.hypot(row, column)))
+    ends = (np.concatenate(nodes), np.concatenate(others))
     return coo_array((np.concatenate(lengths), ends), shape=(len(place), len(place)))
 
 
@@ -241,12 +241,12 @@ def band_smoother(count: int) -> Array:
     return np.asarray(np.linalg.inv(np.eye(count) + force))
 
 
-def _cross(one: Array, other: Array) -> Array:
-    return np.asarray(one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0])
+def _cross(a: Array, b: Array) -> Array:
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
 def _crosses(here: Array, there: Array, barrier: Array) -> Mask:
     """Which of the straight flights to (k, 2) cross the barrier (2, 2)."""
-    one, other = barrier
-    across = _cross(other - one, here - one) * _cross(other - one, there - one) < 0
-    return np.asarray(across & (_cross(there - here, one - here) * _cross(there - here, other - here) < 0))
+    near, far = barrier
+    across = _cross(far - near, here - near) * _cross(far - near, there - near) < 0
+    return np.asarray(across & (_cross(there - here, near - here) * _cross(there - here, far - here) < 0))

@@ -159,7 +159,7 @@ def move_rewards(
 ) -> Array:
     """log mu(a) + r_i(s, a) / tau of one drone's M states (M, 2) and A moves, shape (M, A)."""
     velocities, shares = lattice.moves
-    terms = (one.unary(weights, drone, states[:, None], velocities) for one, weights in rewards)
+    terms = (reward.unary(weights, drone, states[:, None], velocities) for reward, weights in rewards)
     return np.asarray(np.log(shares) + sum(terms, np.zeros((len(states), 1))) / temperature)
 
 
@@ -194,7 +194,7 @@ class LatticePlanner:
             together = np.zeros((1, 1))
         else:
             distances = self.lattice.pair_distances
-            together = sum((one.pairwise(w, 0, distances) for one, w in rewards), np.zeros_like(distances))
+            together = sum((reward.pairwise(w, 0, distances) for reward, w in rewards), np.zeros_like(distances))
         values = np.zeros((self.game.horizon + 2, kernels[0].size, kernels[1].size))
         for step in range(self.game.horizon, -1, -1):
             values[step] = backup(kernels[0], kernels[1], self.game.discount * values[step + 1])
@@ -282,8 +282,8 @@ def backup(first: Kernel, second: Kernel, ahead: Array) -> Array:
 
 def pair_by_pair(first: Kernel, second: Kernel, ahead: Array, states: Indices) -> Vector:
     """Some entries (H, 2) of the same without exp of anything but differences to the largest term, shape (H,)."""
-    one, two = states.T
-    terms = ahead[first.nodes[one][:, :, None], second.nodes[two][:, None, :]]
-    terms = terms + first.logs[one][:, :, None] + second.logs[two][:, None, :]
+    here, there = states.T
+    terms = ahead[first.nodes[here][:, :, None], second.nodes[there][:, None, :]]
+    terms = terms + first.logs[here][:, :, None] + second.logs[there][:, None, :]
     most = terms.max(axis=(1, 2))
     return np.asarray(most + np.log(np.exp(terms - most[:, None, None]).sum(axis=(1, 2))))

@@ -224,8 +224,8 @@ class _Flight:
 
     def _best(self, futures: Array, others: Array) -> int:
         """Which of one drone's futures (F, times, 2) to choose in view of those of others (k, times, 2)."""
-        one, other = futures[:, None], others[None]
-        apart = swept_separation((one[..., :-1, :], other[..., :-1, :]), (one[..., 1:, :], other[..., 1:, :]))
+        own, other = futures[:, None], others[None]
+        apart = swept_separation((own[..., :-1, :], other[..., :-1, :]), (own[..., 1:, :], other[..., 1:, :]))
         least = apart.min(axis=(1, 2))
         free = np.flatnonzero(least >= self.pilots.game.settings.least_distance + self.pilots.berth)
         return int(free[0] if len(free) else least.argmax())

@@ -75,8 +75,8 @@ class NeuralDroneReward:
         import torch
 
         places = self._scaled(self.game.positions(visitation.states))
-        weights, one = torch.tensor(visitation.weights), torch.tensor(theta)
-        return np.asarray(torch.func.grad(lambda t: weights @ self._rewards(t, places).sum(dim=1))(one))
+        weights, at = torch.tensor(visitation.weights), torch.tensor(theta)
+        return np.asarray(torch.func.grad(lambda t: weights @ self._rewards(t, places).sum(dim=1))(at))
 
     def unary(self, theta: Vector, drone: int, states: Array, actions: Array) -> Array:  # noqa: ARG002 - of places
         """w_i of one drone."""

@@ -102,8 +102,8 @@ class DroneSettings(Settings):
 
     @model_validator(mode="after")
     def _starts_are_apart(self) -> "DroneSettings":
-        for (i, one), (j, other) in combinations(enumerate(self.drones, start=1), 2):
-            gap = np.abs(np.subtract(one.start, other.start)) - one.start_spread - other.start_spread
+        for (i, first), (j, second) in combinations(enumerate(self.drones, start=1), 2):
+            gap = np.abs(np.subtract(first.start, second.start)) - first.start_spread - second.start_spread
             if np.hypot(*np.maximum(gap, 0.0)) < self.least_distance:
                 raise ValueError(
                     f"drones {i} and {j} may start closer than least_distance {self.least_distance:g} m;"

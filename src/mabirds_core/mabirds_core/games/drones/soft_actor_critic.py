@@ -243,8 +243,8 @@ class SacPlanner:
         """Networks with Adam's moments, the replay and the counts."""
         actor, critics, targets = policy.learned
         tensors = {"targets": targets}
-        for name, one in (("actor", actor), ("critics", critics)):
-            tensors |= {f"{name}.{part}": getattr(one, part) for part in MOMENTS}
+        for name, weights in (("actor", actor), ("critics", critics)):
+            tensors |= {f"{name}.{part}": getattr(weights, part) for part in MOMENTS}
         return {
             "counts": np.array([policy.searches, actor.steps, critics.steps], dtype=np.float64),
             **{name: tensor.double().numpy() for name, tensor in tensors.items()},
