@@ -26,7 +26,7 @@ from typer.main import get_command
 
 from mabirds_bringup import exit_codes
 from mabirds_bringup.cli import app
-from mabirds_bringup.evaluate.evaluation import Row
+from mabirds_bringup.evaluate.evaluation import LearnerMetrics
 from mabirds_bringup.run.declaration import DeclarerNode
 from mabirds_bringup.run.run_directory import CONTENTS
 from mabirds_bringup.watch.monitor import MonitorNode
@@ -355,13 +355,23 @@ def messages_page() -> str:
 def files_page() -> str:
     """What a run leaves behind."""
     contents = table(("file", "content"), ((code(name), words) for name, words in CONTENTS.items()))
-    fields = Row.__dataclass_fields__
+    fields = LearnerMetrics.__dataclass_fields__
     columns = table(("column", "type"), ((code(name), code(_name(field.type))) for name, field in fields.items()))
     experiment = (
         "Read: the experiment file ([its settings](settings.md)) and the bag that it names, a rosbag2 directory."
     )
     written = "Written: a run directory, `runs/TIME-NAME`; `runs/latest` points to the newest."
-    head = ["# Files", "", experiment, "", written, "", contents, f"## metrics.csv\n\n{Row.__doc__}\n", columns]
+    head = [
+        "# Files",
+        "",
+        experiment,
+        "",
+        written,
+        "",
+        contents,
+        f"## metrics.csv\n\n{LearnerMetrics.__doc__}\n",
+        columns,
+    ]
     return "\n".join(head)
 
 
