@@ -37,7 +37,7 @@ def monitor() -> Any:
         drop_counts=[3],
     )
     names = ("learner_1", "learner_2")
-    presence = SimpleNamespace(is_gone=lambda name: name in gone)
+    presence = SimpleNamespace(is_lost=lambda name: name in gone)
     gone: set[str] = set()
     return SimpleNamespace(
         names=names, statuses={"learner_1": status}, consensus=lambda: (5, 0.25, 1.5), presence=presence, gone=gone

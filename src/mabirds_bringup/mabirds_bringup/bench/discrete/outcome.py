@@ -12,8 +12,8 @@ from mabirds_core.experiment.assembly import evaluation_policy
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import Progress
 from mabirds_core.games.patrol.game import PatrolGame
-from mabirds_core.games.patrol.pictures import visits
 from mabirds_core.games.patrol.study import patrol_game
+from mabirds_core.games.patrol.visits import visits
 from mabirds_core.metrics.metrics import constraint_errors, exact_imitation, learned_constraints
 
 DIGITS = 6

@@ -10,12 +10,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from mabirds_core.arrays import Array, Mask, weighted_counts
+from mabirds_core.arrays import Array, Mask
 from mabirds_core.games.interface import Learned, Trajectories
 from mabirds_core.games.patrol.game import PatrolGame
+from mabirds_core.games.patrol.visits import visits
 from mabirds_core.metrics.metrics import learned_constraints
-from mabirds_core.planners.interface import TabularPolicy
-from mabirds_core.planners.occupancy import occupancy_measure
 
 MAX_STARTS = 24
 """More starts than these would hide the map."""
@@ -67,10 +66,3 @@ def map_figure(game: PatrolGame, learned: Mapping[str, Learned], threshold: floa
 def _joint_constraints(learned: Mask) -> str:
     names = [name for name, is_learned in zip(("sharing", "swapping"), learned[-2:], strict=True) if is_learned]
     return "joint constraints: " + (", ".join(names) or "none")
-
-
-def visits(game: PatrolGame, policy: TabularPolicy) -> Array:
-    """Discounted visitation of each expert's cells, shape (N_E, n), each row of sum 1."""
-    of_state = occupancy_measure(game, policy).sum(axis=1)
-    cells = game.cells(np.arange(game.n_states))
-    return np.stack([weighted_counts(own, of_state, game.n_cells) for own in cells])

@@ -1,0 +1,15 @@
+"""Where patrollers spend their time."""
+
+import numpy as np
+
+from mabirds_core.arrays import Array, weighted_counts
+from mabirds_core.games.patrol.game import PatrolGame
+from mabirds_core.planners.interface import TabularPolicy
+from mabirds_core.planners.occupancy import occupancy_measure
+
+
+def visits(game: PatrolGame, policy: TabularPolicy) -> Array:
+    """Discounted visitation of each expert's cells, shape (N_E, n), each row of sum 1."""
+    of_state = occupancy_measure(game, policy).sum(axis=1)
+    cells = game.cells(np.arange(game.n_states))
+    return np.stack([weighted_counts(own, of_state, game.n_cells) for own in cells])
