@@ -17,7 +17,7 @@ from mabirds_core.settings import Settings
 
 
 class TemperedSettings(Settings):
-    """The planner as written in an experiment file."""
+    """Soft value iteration of the reward divided by a temperature."""
 
     kind: Literal["tempered"]
     temperature: float = Field(1.0, gt=0, le=1000, description="tau: the policy is that of the reward divided by it")

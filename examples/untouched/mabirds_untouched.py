@@ -14,7 +14,7 @@ from mabirds_core.settings import Settings
 
 
 class UntouchedSettings(Settings):
-    """The method as written in an experiment file, under ``baselines.untouched``."""
+    """Forbidden is what no demonstration has ever touched."""
 
     penalty: float = Field(5.0, gt=0, le=1000, description="cost of a feature that no demonstration touches")
 

@@ -20,6 +20,9 @@ from mabirds_core.settings import Settings
 from mabirds_core.texts import printable, shortened
 from mabirds_core.yaml_files import LARGEST_FILE, read_yaml
 
+KINDS_REMEDY = "; `mabirds kinds` lists what is installed, and what cannot be used and why"
+"""Where a file names a kind that there is not."""
+
 GAMES, PLANNERS = "mabirds.games", "mabirds.planners"
 
 LONGEST_VALUE = 60
@@ -205,6 +208,8 @@ def _explanations(error: ValidationError) -> Iterator[str]:
         place = printable(".".join(_setting(problem["loc"]))) or "experiment"
         given = shortened(repr(problem["input"]), LONGEST_VALUE)
         explanation = shortened(problem["msg"].removeprefix("Value error, "), LONGEST_EXPLANATION)
+        if problem["type"] == "union_tag_invalid":
+            explanation += KINDS_REMEDY
         yield f"{place}: {explanation}" + ("" if isinstance(problem["input"], dict) else f" (given: {given})")
 
 

@@ -19,7 +19,7 @@ Cell = tuple[int, int]
 
 
 class PatrolSettings(Settings):
-    """The game as written in an experiment file.
+    """Experts who walk on a grid map to their goals, past obstacles and each other.
 
     >>> PatrolSettings(map="...", starts=[[(0, 0), (0, 2)]], goals=[(0, 2), (0, 0)], horizon=4).n_experts
     2
