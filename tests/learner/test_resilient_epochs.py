@@ -142,6 +142,15 @@ def test_a_restart_goes_on_in_the_same_epoch(ring: Experiment, late_joiner: bool
     assert again.member._received_at == ({"learner_1": 6} if late_joiner else {})
 
 
+def test_who_departed_is_neither_waited_for_nor_sent_to_after_a_restart(ring: Experiment) -> None:
+    session, again = (push_sum_session(ring, "learner_1") for _ in range(2))
+    session.member.follow(4, NAMES[:3])
+    again.restore({1: session.arrays()})
+    for one in (session, again):
+        assert (one.missing_neighbours(), list(one.member.outgoing())) == (["learner_2"], ["learner_2"])
+    assert again.learner.mixer == session.learner.mixer
+
+
 def test_a_late_joiner_that_still_waits_goes_on_waiting_after_a_restart(ring: Experiment) -> None:
     session = push_sum_session(ring, "learner_2", late_joiner=True)
     again = push_sum_session(ring, "learner_2")
