@@ -216,7 +216,7 @@ def test_a_learner_with_wrong_parameters_does_not_start(
         ({"hz": "fast"}, InvalidParameterTypeException, "hz"),
         ({"window": 0}, InvalidParameterValueException, "out of range"),
         ({"window": 2**40}, InvalidParameterValueException, "out of range"),
-        ({"central": "no such method!"}, ExperimentError, "central 'no such method!': expected one of ('bics', 'ftl'"),
+        ({"central": "no such method!"}, ExperimentError, "central 'no such method!': expected one of ('bics', 'dlm'"),
     ],
     ids=lambda value: str(value)[:40],
 )
