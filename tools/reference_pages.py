@@ -27,7 +27,7 @@ from typer.main import get_command
 from mabirds_bringup import exit_codes
 from mabirds_bringup.cli import app
 from mabirds_bringup.evaluate.evaluation import LearnerMetrics
-from mabirds_bringup.run.declaration import DeclarerNode
+from mabirds_bringup.run.declaration import MembershipPublisher
 from mabirds_bringup.run.run_directory import CONTENTS
 from mabirds_bringup.watch.monitor import MonitorNode
 from mabirds_core.experiment.file import Experiment, load_experiment
@@ -236,7 +236,7 @@ def nodes() -> dict[str, Described]:
             "Central method": lambda: central_node.CentralNode(namespace="/bics", **_of(PATROL, context)),
             "Expert player": lambda: player_node.ExpertPlayerNode(**_of(PATROL, context)),
             "mabirds run": lambda: MonitorNode(load_experiment(PATROL), recording, context=context),
-            "mabirds members": lambda: DeclarerNode(["learner_1", "learner_2"], context=context),
+            "mabirds members": lambda: MembershipPublisher(["learner_1", "learner_2"], context=context),
         }
 
         def learner(file: Path) -> Node:

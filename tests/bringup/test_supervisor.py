@@ -26,8 +26,8 @@ Make = Callable[..., Supervisor]
 def make(tmp_path: Path) -> Iterator[Make]:
     made: list[Supervisor] = []
 
-    def supervisor(commands: dict[str, list[str]], restarts: int = 0, expendable: tuple[str, ...] = ()) -> Supervisor:
-        made.append(Supervisor(commands, tmp_path, restarts, expendable))
+    def supervisor(commands: dict[str, list[str]], restarts: int = 0, optional: tuple[str, ...] = ()) -> Supervisor:
+        made.append(Supervisor(commands, tmp_path, restarts, optional))
         return made[-1]
 
     yield supervisor
@@ -44,7 +44,7 @@ def look_until(supervisor: Supervisor, condition: Callable[[], object], timeout:
     news, deadline = list[str](), time.monotonic() + timeout
     while not condition():
         assert time.monotonic() < deadline, news
-        news += supervisor.look_after((), never)
+        news += supervisor.poll((), never)
     return news
 
 
@@ -77,7 +77,7 @@ def test_restarts_come_back_to_a_child_that_lived(make: Make, monkeypatch: pytes
     monkeypatch.setattr(module, "HEALTHY", 0.0)
     supervisor, news = make({"one": ending_with(7)}, restarts=1), list[str]()
     while len(news) < 3:
-        news += look_until(supervisor, lambda: True) or supervisor.look_after((), never)
+        news += look_until(supervisor, lambda: True) or supervisor.poll((), never)
     assert {words.split("; ")[1] for words in news} == {"starting it again in 0.01 s (1 of 1)"}
 
 
@@ -88,28 +88,28 @@ def test_refused_input_is_not_tried_again(make: Make) -> None:
 
 
 def test_what_is_expendable_does_not_end_the_run(make: Make) -> None:
-    supervisor = make({"one": ending_with(7), "two": SLEEPER}, expendable=("one",))
-    news = look_until(supervisor, supervisor.given_up)
+    supervisor = make({"one": ending_with(7), "two": SLEEPER}, optional=("one",))
+    news = look_until(supervisor, supervisor.failed)
     assert news == ["one ended with exit code 7; going on without it"]
-    assert supervisor.given_up() == ["one"]
-    assert supervisor.look_after((), never) == []
+    assert supervisor.failed() == ["one"]
+    assert supervisor.poll((), never) == []
     assert running(supervisor) == ["two"]
 
 
 def test_a_child_that_is_done_may_end(make: Make) -> None:
     supervisor = make({"one": ending_with(0)})
-    supervisor.look_after((), never)
+    supervisor.poll((), never)
     process = supervisor.children["one"].process
     assert process is not None
     process.popen.wait()
-    assert supervisor.look_after((), lambda name, code: (name, code) == ("one", 0)) == []
+    assert supervisor.poll((), lambda name, code: (name, code) == ("one", 0)) == []
 
 
 def test_many_children_start_a_few_at_a_time(make: Make) -> None:
     supervisor = make({f"child_{k}": SLEEPER for k in range(AT_ONCE + 4)})
-    supervisor.look_after((), never)
+    supervisor.poll((), never)
     assert len(running(supervisor)) == AT_ONCE
-    supervisor.look_after((), never)
+    supervisor.poll((), never)
     assert len(running(supervisor)) == AT_ONCE
-    supervisor.look_after(("child_0", "child_1", "child_2"), never)
+    supervisor.poll(("child_0", "child_1", "child_2"), never)
     assert len(running(supervisor)) == AT_ONCE + 3

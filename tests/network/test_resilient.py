@@ -12,7 +12,7 @@ from mabirds_msgs.msg import LearnerStatus, Mass, Membership
 from rclpy.context import Context
 
 from mabirds_bringup.commands.simulate import simulate_from_bag
-from mabirds_bringup.run.declaration import DeclarationError, DeclarerNode
+from mabirds_bringup.run.declaration import DeclarationError, MembershipPublisher
 from mabirds_bringup.run.network import Network
 from mabirds_bringup.run.supervisor import Supervisor
 from mabirds_bringup.watch.monitor import MonitorNode
@@ -143,7 +143,7 @@ def test_unfit_masses_are_counted_and_never_taken(
 def test_a_declaration_waits_until_all_follow(make_resilient: Callable[..., Path], nodes: Any) -> None:
     file = make_resilient(patience=60.0)
     learners = [nodes.learner(file, name) for name in NAMES]
-    declarer = nodes.add(DeclarerNode(NAMES[:3], context=nodes.context))
+    declarer = nodes.add(MembershipPublisher(NAMES[:3], context=nodes.context))
     assert declarer.declare(nodes.executor, timeout=20.0) == 2
     assert [node.session.member.members for node in learners[:3]] == [NAMES[:3]] * 3
     nodes.spin_until(lambda: learners[3].session.finished)
@@ -153,21 +153,21 @@ def test_a_declaration_that_learners_refuse_says_why(make_resilient: Callable[..
     file = make_resilient(patience=60.0)
     for name in NAMES:
         nodes.learner(file, name)
-    declarer = nodes.add(DeclarerNode(["learner_1", "learner_3"], context=nodes.context))
+    declarer = nodes.add(MembershipPublisher(["learner_1", "learner_3"], context=nodes.context))
     with pytest.raises(DeclarationError, match="nothing that learner_1 knows ever reaches learner_3"):
         declarer.declare(nodes.executor, timeout=20.0)
 
 
 def test_a_declaration_names_members_that_are_not_there(make_resilient: Callable[..., Path], nodes: Any) -> None:
     nodes.learner(make_resilient(patience=60.0), "learner_1")
-    declarer = nodes.add(DeclarerNode(["learner_1", "learner_2"], context=nodes.context))
+    declarer = nodes.add(MembershipPublisher(["learner_1", "learner_2"], context=nodes.context))
     with pytest.raises(DeclarationError, match=r"learner_2: not heard within 2 s; start them, or leave them out"):
         declarer.declare(nodes.executor, timeout=2.0)
 
 
 def test_learners_in_strict_mode_have_no_members(make_experiment: Callable[..., Path], nodes: Any) -> None:
     nodes.learner(make_experiment(), "learner_1")
-    declarer = nodes.add(DeclarerNode(["learner_1"], context=nodes.context))
+    declarer = nodes.add(MembershipPublisher(["learner_1"], context=nodes.context))
     with pytest.raises(DeclarationError, match="these learners run in strict mode"):
         declarer.declare(nodes.executor, timeout=20.0)
 

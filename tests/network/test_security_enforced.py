@@ -16,7 +16,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
-from mabirds_bringup.run.declaration import DeclarerNode
+from mabirds_bringup.run.declaration import MembershipPublisher
 from mabirds_bringup.run.processes import learner_command, player_command
 from mabirds_bringup.security.keystore import create_keystore
 from mabirds_bringup.security.permissions import Validity
@@ -101,7 +101,7 @@ def test_the_policy_is_what_the_nodes_of_a_network_do(
     nodes.add(MonitorNode(experiment, recording, context=nodes.context))
     nodes.add(InspectorNode(context=nodes.context))
     if mixing == "resilient":
-        nodes.add(DeclarerNode(experiment.learners, context=nodes.context))
+        nodes.add(MembershipPublisher(experiment.learners, context=nodes.context))
     assert settled_differences(nodes, Policy(experiment).processes()) == []
 
 

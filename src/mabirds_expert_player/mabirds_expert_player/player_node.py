@@ -29,7 +29,7 @@ from mabirds_msgs_py.conversion import NANOSECONDS, time_message
 from mabirds_msgs_py.environment import prepare_environment
 from mabirds_msgs_py.node_main import run_node
 from mabirds_msgs_py.qos import latched
-from mabirds_msgs_py.ros_parameters import declare_experiment, experiment_of, real, text, whole
+from mabirds_msgs_py.ros_parameters import declare_experiment, experiment_of, float_param, int_param, str_param
 
 PATIENCE = 2.0
 """Seconds after which a demonstration that a waiting learner does not acknowledge is sent again.
@@ -86,12 +86,20 @@ class ExpertPlayerNode(Node):
 
     def _declare_parameters(self) -> None:
         declare_experiment(self)
-        self.declare_parameter("bag", "", text("bag to play; empty: the experiment's"))
-        self.declare_parameter("central", "", text("a central method that learns in the learners' place; empty: none"))
-        self.declare_parameter("window", 16, whole("demonstrations ahead of what a learner has learned", 1, HISTORY))
-        self.declare_parameter("rate", 1.0, real("speed, as a multiple of the recorded timing", 0.01, 1e4, fixed=False))
+        self.declare_parameter("bag", "", str_param("bag to play; empty: the experiment's"))
         self.declare_parameter(
-            "hz", 0.0, real("demonstrations per second; 0: the recorded timing times rate", 0.0, 1e4, fixed=False)
+            "central", "", str_param("a central method that learns in the learners' place; empty: none")
+        )
+        self.declare_parameter(
+            "window", 16, int_param("demonstrations ahead of what a learner has learned", 1, HISTORY)
+        )
+        self.declare_parameter(
+            "rate", 1.0, float_param("speed, as a multiple of the recorded timing", 0.01, 1e4, fixed=False)
+        )
+        self.declare_parameter(
+            "hz",
+            0.0,
+            float_param("demonstrations per second; 0: the recorded timing times rate", 0.0, 1e4, fixed=False),
         )
 
     def _value(self, name: str) -> Any:

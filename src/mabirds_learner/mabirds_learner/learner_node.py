@@ -30,7 +30,7 @@ from mabirds_msgs_py.environment import prepare_environment
 from mabirds_msgs_py.node_main import run_node
 from mabirds_msgs_py.presence import LivelinessMonitor
 from mabirds_msgs_py.qos import LIVELINESS_LEASE, latched
-from mabirds_msgs_py.ros_parameters import flag, text, whole
+from mabirds_msgs_py.ros_parameters import bool_param, int_param, str_param
 
 DUPLICATE_NAME = "duplicate_name"
 """Counted at each look at which several processes are seen to publish as one neighbour."""
@@ -74,10 +74,10 @@ class LearnerNode(ProgressNode):
 
     def _declare_parameters(self) -> None:
         words = "iterations of parameters kept; 0: as many as the schedule needs, at least 256"
-        self.declare_parameter("parameter_history", 0, whole(words, 0, 100_000))
-        self.declare_parameter("checkpoints", "", text("directory of this learner's checkpoints; empty: none"))
+        self.declare_parameter("parameter_history", 0, int_param(words, 0, 100_000))
+        self.declare_parameter("checkpoints", "", str_param("directory of this learner's checkpoints; empty: none"))
         words = "resilient mode: take part once a declaration says so"
-        self.declare_parameter("late_joiner", value=False, descriptor=flag(words))
+        self.declare_parameter("late_joiner", value=False, descriptor=bool_param(words))
 
     def _open_checkpoints(self) -> CheckpointStore | None:
         """The place of the checkpoints, after going on from what is there; None where none was named."""

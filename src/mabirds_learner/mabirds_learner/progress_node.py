@@ -19,7 +19,7 @@ from mabirds_learner.progress import Session
 from mabirds_msgs_py import diagnostics, topics
 from mabirds_msgs_py.conversion import parameters_message, schedule_message, time_message
 from mabirds_msgs_py.qos import STATUS_QOS, announced, latched
-from mabirds_msgs_py.ros_parameters import declare_experiment, experiment_of, real, whole
+from mabirds_msgs_py.ros_parameters import declare_experiment, experiment_of, float_param, int_param
 
 STATUSES_AN_ITERATION = 8
 """No more than these, as a rule: one for each arrival, one for the update, one for each second in between."""
@@ -37,10 +37,10 @@ class ProgressNode(Node):
         super().__init__(kind, **node_options)
         declare_experiment(self)
         self.declare_parameter(
-            "demonstration_history", 256, whole("demonstrations kept ahead of the current iteration", 256, 100_000)
+            "demonstration_history", 256, int_param("demonstrations kept ahead of the current iteration", 256, 100_000)
         )
         self.declare_parameter(
-            "status_period", 1.0, real("seconds between two status messages while nothing changes", 0.05, 60.0)
+            "status_period", 1.0, float_param("seconds between two status messages while nothing changes", 0.05, 60.0)
         )
         self.namespace_prefix, self.learner_name = topics.split_namespace(self.get_namespace())
         if not self.learner_name:

@@ -11,8 +11,8 @@ from mabirds_core.experiment.file import Experiment, load_experiment
 
 def declare_experiment(node: Node) -> None:
     """The parameters that say which experiment a node belongs to."""
-    node.declare_parameter("experiment", "", text("path of the experiment file (YAML)"))
-    node.declare_parameter("run", "", text("name of this run; messages of other runs are refused"))
+    node.declare_parameter("experiment", "", str_param("path of the experiment file (YAML)"))
+    node.declare_parameter("run", "", str_param("name of this run; messages of other runs are refused"))
 
 
 def experiment_of(node: Node) -> tuple[Experiment, str]:
@@ -24,23 +24,23 @@ def experiment_of(node: Node) -> tuple[Experiment, str]:
     return experiment, experiment.run_digest(node.get_parameter("run").value)
 
 
-def text(description: str) -> ParameterDescriptor:
+def str_param(description: str) -> ParameterDescriptor:
     """A string, fixed at start."""
     return ParameterDescriptor(description=description, read_only=True)
 
 
-def flag(description: str) -> ParameterDescriptor:
+def bool_param(description: str) -> ParameterDescriptor:
     """True or false, fixed at start."""
     return ParameterDescriptor(description=description, read_only=True)
 
 
-def whole(description: str, lowest: int, highest: int, *, fixed: bool = True) -> ParameterDescriptor:
+def int_param(description: str, lowest: int, highest: int, *, fixed: bool = True) -> ParameterDescriptor:
     """An integer in [lowest, highest]."""
     limits = IntegerRange(from_value=lowest, to_value=highest, step=1)
     return ParameterDescriptor(description=description, integer_range=[limits], read_only=fixed)
 
 
-def real(description: str, lowest: float, highest: float, *, fixed: bool = True) -> ParameterDescriptor:
+def float_param(description: str, lowest: float, highest: float, *, fixed: bool = True) -> ParameterDescriptor:
     """A floating-point number in [lowest, highest]."""
     limits = FloatingPointRange(from_value=lowest, to_value=highest)
     return ParameterDescriptor(description=description, floating_point_range=[limits], read_only=fixed)

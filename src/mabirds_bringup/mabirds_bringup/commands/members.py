@@ -9,7 +9,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from mabirds_bringup.commands.options import Json
 from mabirds_bringup.console import console, guarded_output, print_json
-from mabirds_bringup.run.declaration import DeclarerNode
+from mabirds_bringup.run.declaration import MembershipPublisher
 from mabirds_msgs_py.security import enclave_arguments, start_ros
 
 
@@ -27,7 +27,7 @@ def members(
     start_ros(["--ros-args", *enclave], signal_handler_options=SignalHandlerOptions.NO)
     try:
         with guarded_output() as stdout:
-            node, executor = DeclarerNode(names, namespace=namespace), SingleThreadedExecutor()
+            node, executor = MembershipPublisher(names, namespace=namespace), SingleThreadedExecutor()
             executor.add_node(node)
             epoch = node.declare(executor, timeout)
             console.print(f"epoch {epoch}: {', '.join(names)}", soft_wrap=True)

@@ -22,7 +22,7 @@ class DeclarationError(MabirdsError):
     """A declaration that cannot be made, or that learners do not follow."""
 
 
-class DeclarerNode(Node):
+class MembershipPublisher(Node):
     """Listens to the members-to-be and declares them. ``digest``: of the network; "": of the one that is heard."""
 
     def __init__(self, members: Sequence[str], digest: str = "", **node_options: Any) -> None:

@@ -92,7 +92,7 @@ class Network:
         arguments = ["--ros-args", *enclave_arguments("/monitor")]
         start_ros(arguments, signal_handler_options=SignalHandlerOptions.NO)
         before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # end as on Ctrl-C: nothing left behind
-        supervisor = Supervisor(self._commands(), self.directory / "logs", self.restarts, self._expendable)
+        supervisor = Supervisor(self._commands(), self.directory / "logs", self.restarts, self._optional)
         try:
             with BagWriter(self.directory / "bag", keep=True) as recording, _spinning() as executor:
                 monitor = MonitorNode(self.experiment, recording, self._run, self.names)
@@ -103,8 +103,8 @@ class Network:
 
                 while not monitor.finished:
                     executor.spin_once(timeout_sec=TICK)
-                    news = supervisor.look_after(monitor.statuses, is_done)
-                    monitor.declare_without(supervisor.given_up())
+                    news = supervisor.poll(monitor.statuses, is_done)
+                    monitor.declare_without(supervisor.failed())
                     on_tick(monitor, supervisor, news)
                     if self._difference(monitor):
                         break
@@ -119,7 +119,7 @@ class Network:
             rclpy.try_shutdown()
 
     @property
-    def _expendable(self) -> Sequence[str]:
+    def _optional(self) -> Sequence[str]:
         """Who may die for good: learners in resilient mode."""
         return self.names if self.experiment.mixing.declares_members and not self.method else ()
 

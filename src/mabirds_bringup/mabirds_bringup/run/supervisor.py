@@ -29,7 +29,7 @@ class ProcessDiedError(MabirdsError):
 
 
 @dataclass
-class Child:
+class ManagedProcess:
     """One node of the run: its process once there is one, and how often it was started again."""
 
     name: str
@@ -39,14 +39,14 @@ class Child:
     restarts: int = 0
     due: float | None = 0.0
     """When to start it; None while it runs, and once it is done."""
-    given_up: bool = False
+    failed: bool = False
 
 
 class Supervisor:
     """The children of a run by name, in the order in which to start them.
 
     ``restarts``: how often a child may be started again. One that refused its input is never started again, since it
-    would refuse it again. ``expendable``: names without which the run goes on; all others end it.
+    would refuse it again. ``optional``: names without which the run goes on; all others end it.
     """
 
     def __init__(
@@ -54,12 +54,12 @@ class Supervisor:
         commands: Mapping[str, Sequence[str]],
         log_directory: Path,
         restarts: int,
-        expendable: Collection[str] = (),
+        optional: Collection[str] = (),
     ) -> None:
-        self.children = {name: Child(name, command) for name, command in commands.items()}
-        self._log_directory, self._restarts, self._expendable = log_directory, restarts, expendable
+        self.children = {name: ManagedProcess(name, command) for name, command in commands.items()}
+        self._log_directory, self._restarts, self._optional = log_directory, restarts, optional
 
-    def look_after(self, heard: Collection[str], is_done: Callable[[str, int], bool]) -> list[str]:
+    def poll(self, heard: Collection[str], is_done: Callable[[str, int], bool]) -> list[str]:
         """Start what is due and restart what died; returns words for people about what died.
 
         ``heard``: names of children that are known to be up. ``is_done``: may this child have ended with this exit
@@ -74,23 +74,23 @@ class Supervisor:
             child.started, child.due = now, None
         return news
 
-    def _is_young(self, child: Child, now: float) -> bool:
+    def _is_young(self, child: ManagedProcess, now: float) -> bool:
         return child.due is None and now - child.started < START_PATIENCE
 
-    def _has_died(self, child: Child, is_done: Callable[[str, int], bool]) -> bool:
-        unwatched = child.process is None or child.due is not None or child.given_up
+    def _has_died(self, child: ManagedProcess, is_done: Callable[[str, int], bool]) -> bool:
+        unwatched = child.process is None or child.due is not None or child.failed
         code = None if unwatched or child.process is None else child.process.exit_code
         return code is not None and not is_done(child.name, code)
 
-    def _on_end(self, child: Child, now: float) -> str:
+    def _on_end(self, child: ManagedProcess, now: float) -> str:
         """Plan the restart of a child that died."""
         assert child.process is not None  # noqa: S101 - for the type checker
         if now - child.started > HEALTHY:
             child.restarts = 0
         what = f"{child.name} ended {_how(child.process.exit_code)}"
         if child.restarts >= self._restarts or child.process.exit_code == BAD_INPUT:
-            if child.name in self._expendable:
-                child.given_up = True
+            if child.name in self._optional:
+                child.failed = True
                 return f"{what}; going on without it"
             log = child.process.log
             raise ProcessDiedError(f"{what}; the end of {log}:\n{processes.last_lines(log)}")
@@ -98,9 +98,9 @@ class Supervisor:
         child.restarts, child.due = child.restarts + 1, now + pause
         return f"{what}; starting it again in {pause:g} s ({child.restarts} of {self._restarts})"
 
-    def given_up(self) -> list[str]:
+    def failed(self) -> list[str]:
         """Children that ended for good while the run goes on."""
-        return [child.name for child in self.children.values() if child.given_up]
+        return [child.name for child in self.children.values() if child.failed]
 
     def stop(self) -> None:
         """End all children, also stopped ones."""
