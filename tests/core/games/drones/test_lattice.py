@@ -76,7 +76,7 @@ def test_hard_entries_may_be_summed_up_in_blocks(monkeypatch: pytest.MonkeyPatch
     model = LinearDroneReward(tiny(2))
     at = some_parameters(model, scale=5000.0)
     expected = found(model, at).values
-    monkeypatch.setattr("mabirds_core.games.drones.lattice.BLOCK", block)
+    monkeypatch.setattr("mabirds_core.games.drones.lattice.CHUNK", block)
     np.testing.assert_array_equal(found(model, at).values, expected)
 
 
@@ -85,10 +85,10 @@ def test_easy_entries_are_not_summed_up_one_by_one(monkeypatch: pytest.MonkeyPat
     model = LinearDroneReward(room(2))
     at = some_parameters(model)
     fast = found(model, at, 0.4).values
-    monkeypatch.setattr("mabirds_core.games.drones.lattice.LEAST", 1e300)
+    monkeypatch.setattr("mabirds_core.games.drones.lattice.UNDERFLOW", 1e300)
     slow = found(model, at, 0.4).values
     np.testing.assert_allclose(slow, fast, rtol=0, atol=1e-10)
-    monkeypatch.setattr("mabirds_core.games.drones.lattice.LEAST", 1e-250)
+    monkeypatch.setattr("mabirds_core.games.drones.lattice.UNDERFLOW", 1e-250)
     monkeypatch.setattr("mabirds_core.games.drones.lattice.pair_by_pair", None)
     np.testing.assert_array_equal(found(model, at, 0.4).values, fast)
 

@@ -37,10 +37,10 @@ RINGS = ((0.0, 1), (0.5, 8), (1.0, 16))
 RING_BOUNDS = (0.0, 0.25, 0.75, 1.0)
 """The ring of each speed; its share of the disc's area is what its moves weigh together."""
 
-LEAST = 1e-250
+UNDERFLOW = 1e-250
 """Below this, beside the best that two drones could do without each other, sums of exp have lost their precision."""
 
-BLOCK = 5_000_000
+CHUNK = 5_000_000
 """Terms that are summed up in logs at once."""
 
 
@@ -54,7 +54,7 @@ def moves(speed: float) -> tuple[Array, Vector]:
 
 
 @dataclass(frozen=True)
-class Windows:
+class Stencil:
     """Where moves from M places lead, on the lattice: the W nodes around each, and the moves' weights of them."""
 
     nodes: Indices
@@ -87,7 +87,7 @@ class Lattice:
         return moves(self.game.settings.max_speed)
 
     @cached_property
-    def everywhere(self) -> Windows:
+    def everywhere(self) -> Stencil:
         """Where moves from every node lead."""
         return self.windows(np.repeat(self.nodes[:, None], self.game.n_experts, axis=1))
 
@@ -97,7 +97,7 @@ class Lattice:
         x, y = np.moveaxis(self.nodes[:, None] - self.nodes, -1, 0)
         return np.asarray(np.hypot(x, y))
 
-    def windows(self, places: Array) -> Windows:
+    def windows(self, places: Array) -> Stencil:
         """For M places of all drones, shape (M, N_E, 2)."""
         velocities, _ = self.moves
         here = np.repeat(places[:, None], len(velocities), axis=1)
@@ -107,7 +107,7 @@ class Lattice:
         nodes = first_x[..., :, None] * len(self.axes[1]) + first_y[..., None, :]
         weights = weights_x[..., :, None] * weights_y[..., None, :]
         flat = np.moveaxis(weights.reshape(*weights.shape[:3], -1), 1, 2)
-        return Windows(nodes.reshape(*nodes.shape[:2], -1), np.ascontiguousarray(flat))
+        return Stencil(nodes.reshape(*nodes.shape[:2], -1), np.ascontiguousarray(flat))
 
     def _axis_window(self, axis: int, here: Array, there: Array) -> tuple[Indices, Array]:
         """Numbers of the nodes around ``here`` (M, N_E), and hat functions of them at ``there`` (M, A, N_E)."""
@@ -188,9 +188,9 @@ class LatticePlanner:
     ) -> LatticePolicy:
         """pi(omega, theta)."""
         rewards = ((self.reward_model, theta), (self.game.cost_features, omega))
-        kernels = [Kernel.of(self.lattice, rewards, i, self.temperature) for i in range(self.game.n_experts)]
+        kernels = [TransitionKernel.of(self.lattice, rewards, i, self.temperature) for i in range(self.game.n_experts)]
         if len(kernels) == 1:
-            kernels.append(Kernel.trivial())
+            kernels.append(TransitionKernel.trivial())
             together = np.zeros((1, 1))
         else:
             distances = self.lattice.pair_distances
@@ -210,7 +210,7 @@ class LatticePlanner:
 
 
 @dataclass(frozen=True)
-class Kernel:
+class TransitionKernel:
     """log K_i of one drone: from each of S nodes to the W nodes around it."""
 
     nodes: Indices
@@ -221,7 +221,7 @@ class Kernel:
     @classmethod
     def of(
         cls, lattice: Lattice, rewards: tuple[tuple[DroneReward, Vector], ...], drone: int, temperature: float
-    ) -> "Kernel":
+    ) -> "TransitionKernel":
         """From every node of the lattice."""
         scores = move_rewards(lattice, rewards, drone, lattice.nodes, temperature)
         with np.errstate(divide="ignore"):
@@ -230,7 +230,7 @@ class Kernel:
         return cls(lattice.everywhere.nodes[:, drone], logs)
 
     @classmethod
-    def trivial(cls) -> "Kernel":
+    def trivial(cls) -> "TransitionKernel":
         """Of a drone that has nowhere to go, for games of one."""
         return cls(np.zeros((1, 1), dtype=np.int64), np.zeros((1, 1)))
 
@@ -258,7 +258,7 @@ class Kernel:
         return csr_array((entries, columns, self.row_ends), shape=(self.size, self.size)), largest
 
 
-def backup(first: Kernel, second: Kernel, ahead: Array) -> Array:
+def backup(first: TransitionKernel, second: TransitionKernel, ahead: Array) -> Array:
     """log ( K_1 exp(ahead) K_2^T ), shape (S, S).
 
     Values range over thousands of nats, exp over 700. What one drone's place is worth at best is taken out of
@@ -271,16 +271,16 @@ def backup(first: Kernel, second: Kernel, ahead: Array) -> Array:
     (k1, shift1), (k2, shift2) = first.scaled(own), second.scaled(other)
     half = np.ascontiguousarray((k1 @ np.exp(rest - other)).T)
     total = (k2 @ half).T
-    values = np.asarray(np.log(np.maximum(total, LEAST)) + shift1[:, None] + shift2)
-    if total.min() < LEAST:
-        hard = np.argwhere(total < LEAST)
+    values = np.asarray(np.log(np.maximum(total, UNDERFLOW)) + shift1[:, None] + shift2)
+    if total.min() < UNDERFLOW:
+        hard = np.argwhere(total < UNDERFLOW)
         terms = len(hard) * first.nodes.shape[1] * second.nodes.shape[1]
-        for some in np.array_split(hard, 1 + terms // BLOCK):
+        for some in np.array_split(hard, 1 + terms // CHUNK):
             values[tuple(some.T)] = pair_by_pair(first, second, ahead, some)
     return values
 
 
-def pair_by_pair(first: Kernel, second: Kernel, ahead: Array, states: Indices) -> Vector:
+def pair_by_pair(first: TransitionKernel, second: TransitionKernel, ahead: Array, states: Indices) -> Vector:
     """Some entries (H, 2) of the same without exp of anything but differences to the largest term, shape (H,)."""
     here, there = states.T
     terms = ahead[first.nodes[here][:, :, None], second.nodes[there][:, None, :]]

@@ -19,7 +19,7 @@ import pytest
 from mabirds_bringup.run.processes import learner_command, player_command
 from mabirds_core.experiment.file import load_experiment
 
-LAUNCH_FILE = Path(__file__).resolve().parents[2] / "ros_ws" / "launch" / "experiment.launch.py"
+LAUNCH_FILE = Path(__file__).resolve().parents[3] / "ros_ws" / "launch" / "experiment.launch.py"
 
 
 @dataclass
