@@ -7,7 +7,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from mabirds_core.arrays import Array, Vector
-from mabirds_core.games.interface import RewardFeatureMap, TabularFeatureMap, TabularGame, Visitation
+from mabirds_core.games.interface import FeatureMap, RewardFeatureMap, TabularFeatureMap, TabularGame, Visitation
 
 
 class RewardModel(Protocol):
@@ -35,28 +35,58 @@ class TabularRewardModel(RewardModel, Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class LinearReward:
-    """r_theta(s, a) = theta^T f(s, a); its gradient does not depend on theta. theta(1) = 0."""
-
-    features: TabularFeatureMap
+class OfFeatures(Protocol):
+    """What weighs features."""
 
     @property
-    def size(self) -> int:
+    def features(self) -> FeatureMap:
+        """f, shape (K,) at each state-action pair."""
+        ...
+
+
+class LinearModel:
+    """theta^T f, for whatever the features ``features`` of its subclass are. theta(1) = 0."""
+
+    @property
+    def size(self: OfFeatures) -> int:
         """Number of reward features."""
         return len(self.features.names)
 
-    def initial(self, rng: np.random.Generator) -> Vector:  # noqa: ARG002 - other models draw from it
-        """Zeros: every policy looks alike."""
-        return np.zeros(self.size)
+    def initial(self: OfFeatures, rng: np.random.Generator) -> Vector:  # noqa: ARG002 - other models draw from it
+        """Zeros, shape (size,): every policy looks alike."""
+        return np.zeros(len(self.features.names))
+
+    def gradient(self: OfFeatures, theta: Vector, visitation: Visitation) -> Vector:  # noqa: ARG002 - linear in theta
+        """The visitation's total of the features, shape (size,)."""
+        return self.features.total(visitation)
+
+
+class FixedModel:
+    """A reward with nothing to learn: theta is empty."""
+
+    @property
+    def size(self) -> int:
+        """0."""
+        return 0
+
+    def initial(self, rng: np.random.Generator) -> Vector:  # noqa: ARG002 - nothing to draw
+        """No numbers, shape (0,)."""
+        return np.zeros(0)
+
+    def gradient(self, theta: Vector, visitation: Visitation) -> Vector:  # noqa: ARG002 - no parameters
+        """No numbers, shape (0,)."""
+        return np.zeros(0)
+
+
+@dataclass(frozen=True)
+class LinearReward(LinearModel):
+    """r_theta(s, a) = theta^T f(s, a) of a tabular game; its gradient does not depend on theta."""
+
+    features: TabularFeatureMap
 
     def table(self, theta: Vector) -> Array:
         """theta^T f(s, a), shape (S, A)."""
         return self.features.table(theta)
-
-    def gradient(self, theta: Vector, visitation: Visitation) -> Vector:  # noqa: ARG002 - linear in theta
-        """The visitation's total of the features, shape (size,)."""
-        return self.features.total(visitation)
 
 
 class Layers(NamedTuple):
@@ -131,24 +161,11 @@ class NeuralReward:
 
 
 @dataclass(frozen=True)
-class TrueReward:
-    """The experts' own reward of a tabular game, for methods that are given it. theta is empty."""
+class TrueReward(FixedModel):
+    """The experts' own reward of a tabular game, for methods that are given it."""
 
     game: TabularGame
-
-    @property
-    def size(self) -> int:
-        """0."""
-        return 0
-
-    def initial(self, rng: np.random.Generator) -> Vector:  # noqa: ARG002 - nothing to draw
-        """Empty."""
-        return np.zeros(0)
 
     def table(self, theta: Vector) -> Array:  # noqa: ARG002 - no parameters
         """The true reward, shape (S, A)."""
         return self.game.task_reward
-
-    def gradient(self, theta: Vector, visitation: Visitation) -> Vector:  # noqa: ARG002 - no parameters
-        """Empty."""
-        return np.zeros(0)

@@ -6,10 +6,10 @@ from typing import Any, Protocol
 import numpy as np
 
 from mabirds_core.arrays import Array, Vector
-from mabirds_core.games.drones.features import DroneReward
+from mabirds_core.games.drones.features import DroneReward, DroneRewardFeatures
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.interface import Visitation
-from mabirds_core.rewards.models import RewardModel
+from mabirds_core.rewards.models import FixedModel, LinearModel, RewardModel
 
 
 class DroneRewardModel(RewardModel, DroneReward, Protocol):
@@ -17,23 +17,15 @@ class DroneRewardModel(RewardModel, DroneReward, Protocol):
 
 
 @dataclass(frozen=True)
-class LinearDroneReward:
-    """r_theta(s, a) = theta^T f(s, a); theta(1) = 0."""
+class LinearDroneReward(LinearModel):
+    """r_theta(s, a) = theta^T f(s, a)."""
 
     game: DroneGame
 
     @property
-    def size(self) -> int:
-        """Number of reward features."""
-        return len(self.game.reward_features.names)
-
-    def initial(self, rng: np.random.Generator) -> Vector:  # noqa: ARG002 - other models draw from it
-        """Zeros."""
-        return np.zeros(self.size)
-
-    def gradient(self, theta: Vector, visitation: Visitation) -> Vector:  # noqa: ARG002 - linear in theta
-        """The visitation's total of the features."""
-        return self.game.reward_features.total(visitation)
+    def features(self) -> DroneRewardFeatures:
+        """f of the game."""
+        return self.game.reward_features
 
     def unary(self, theta: Vector, drone: int, states: Array, actions: Array) -> Array:
         """theta^T f of one drone."""
@@ -105,26 +97,10 @@ class NeuralDroneReward:
 
 
 @dataclass(frozen=True)
-class TrueDroneReward:
-    """What the experts are after, for methods that are given it: minus ``step_cost`` a step for each drone under way.
-
-    There is nothing to learn: theta is empty.
-    """
+class TrueDroneReward(FixedModel):
+    """What the experts are after: minus ``step_cost`` per step for each drone under way."""
 
     game: DroneGame
-
-    @property
-    def size(self) -> int:
-        """0."""
-        return 0
-
-    def initial(self, rng: np.random.Generator) -> Vector:  # noqa: ARG002 - nothing to draw
-        """Empty."""
-        return np.zeros(0)
-
-    def gradient(self, theta: Vector, visitation: Visitation) -> Vector:  # noqa: ARG002 - no parameters
-        """Empty."""
-        return np.zeros(0)
 
     def unary(self, theta: Vector, drone: int, states: Array, actions: Array) -> Array:  # noqa: ARG002
         """-step_cost where the drone is not at its door."""
