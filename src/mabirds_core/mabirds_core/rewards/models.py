@@ -77,7 +77,7 @@ class NeuralReward:
         w_k = C / N_E  tanh( sum_h tanh(v_h) tanh(U_h x_k + b_h) )
 
     x_k in [-1, 1]^D describes feature k (``FeatureMap.descriptors``), and every state-action pair has one active
-    feature an expert, so |r_theta| <= C. As tanh, its first and its second derivative are bounded, and v enters
+    feature per expert, so |r_theta| <= C. As tanh, its first and its second derivative are bounded, and v enters
     through tanh alone, the gradient and the Hessian of r_theta are bounded for all theta (Assumption 1):
     |dw/dv_h| <= C / N_E, |dw/db_h| <= C / N_E, |dw/dU_hd| <= C / N_E.
     """
@@ -138,11 +138,11 @@ class TrueReward:
 
     @property
     def size(self) -> int:
-        """0."""
+        """Length of theta: 0, as a known reward has no parameters."""
         return 0
 
     def initial(self, rng: np.random.Generator) -> Vector:  # noqa: ARG002 - nothing to draw
-        """Empty."""
+        """theta(1): an empty vector."""
         return np.zeros(0)
 
     def table(self, theta: Vector) -> Array:  # noqa: ARG002 - no parameters
@@ -150,5 +150,5 @@ class TrueReward:
         return self.game.task_reward
 
     def gradient(self, theta: Vector, visitation: Visitation) -> Vector:  # noqa: ARG002 - no parameters
-        """Empty."""
+        """grad J: an empty vector, as there are no parameters."""
         return np.zeros(0)

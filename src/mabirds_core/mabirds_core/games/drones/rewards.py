@@ -1,4 +1,4 @@
-"""Reward models r_theta of the drone game: linear, by a network a drone, and the true one for who is given it."""
+"""Reward models r_theta of the drone game: linear, by a network per drone, and the true one for who is given it."""
 
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -28,7 +28,7 @@ class LinearDroneReward:
         return len(self.game.reward_features.names)
 
     def initial(self, rng: np.random.Generator) -> Vector:  # noqa: ARG002 - other models draw from it
-        """Zeros."""
+        """theta(1): zeros, so that every policy looks alike."""
         return np.zeros(self.size)
 
     def gradient(self, theta: Vector, visitation: Visitation) -> Vector:  # noqa: ARG002 - linear in theta
@@ -40,7 +40,7 @@ class LinearDroneReward:
         return self.game.reward_features.unary(theta, drone, states, actions)
 
     def pairwise(self, theta: Vector, pair: int, distances: Array) -> Array:
-        """Nothing."""
+        """What the distances of a pair of drones earn: zeros, as no reward feature weighs them."""
         return self.game.reward_features.pairwise(theta, pair, distances)
 
 
@@ -61,7 +61,7 @@ class NeuralDroneReward:
 
     @property
     def size(self) -> int:
-        """4 H N_E: two inputs, a bias and an output a unit."""
+        """4 H N_E: two inputs, a bias and an output per unit."""
         return 4 * self.hidden * self.game.n_experts
 
     def initial(self, rng: np.random.Generator) -> Vector:
@@ -87,7 +87,7 @@ class NeuralDroneReward:
         return np.asarray(self._rewards(own, places)[..., 0])
 
     def pairwise(self, theta: Vector, pair: int, distances: Array) -> Array:  # noqa: ARG002 - each drone has its own
-        """Nothing."""
+        """What the distances of a pair of drones earn: zeros, as each network sees its own drone alone."""
         return np.zeros(distances.shape)
 
     def _scaled(self, places: Array) -> Any:
@@ -106,7 +106,7 @@ class NeuralDroneReward:
 
 @dataclass(frozen=True)
 class TrueDroneReward:
-    """What the experts are after, for methods that are given it: minus ``step_cost`` a step for each drone under way.
+    """What the experts are after, for methods that are given it: minus ``step_cost`` per step for each drone under way.
 
     There is nothing to learn: theta is empty.
     """
@@ -115,15 +115,15 @@ class TrueDroneReward:
 
     @property
     def size(self) -> int:
-        """0."""
+        """Length of theta: 0, as the true reward has no parameters."""
         return 0
 
     def initial(self, rng: np.random.Generator) -> Vector:  # noqa: ARG002 - nothing to draw
-        """Empty."""
+        """theta(1): an empty vector."""
         return np.zeros(0)
 
     def gradient(self, theta: Vector, visitation: Visitation) -> Vector:  # noqa: ARG002 - no parameters
-        """Empty."""
+        """grad J: an empty vector, as there are no parameters."""
         return np.zeros(0)
 
     def unary(self, theta: Vector, drone: int, states: Array, actions: Array) -> Array:  # noqa: ARG002
@@ -133,5 +133,5 @@ class TrueDroneReward:
         return np.where(there, 0.0, -self.game.settings.step_cost)
 
     def pairwise(self, theta: Vector, pair: int, distances: Array) -> Array:  # noqa: ARG002 - none
-        """Nothing."""
+        """What the distances of a pair of drones earn: zeros."""
         return np.zeros(distances.shape)
