@@ -1,4 +1,4 @@
-"""The benchmark's seeds through the ROS network: one process a learner, compared bit for bit with one loop.
+"""The benchmark's seeds through the ROS network: one process per learner, compared bit for bit with one loop.
 
 Example: .venv/bin/python benches/as_nodes.py ros_ws/config/drones.yaml --first-seed 304 --seeds 3 --json
 """

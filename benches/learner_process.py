@@ -1,4 +1,4 @@
-"""What one learner's process costs: memory, idle processor time, time an iteration, in the shipped patrol run.
+"""What one learner's process costs: memory, idle processor time, time per iteration, in the shipped patrol run.
 
 Example: .venv/bin/python benches/learner_process.py --json
 """
@@ -109,7 +109,7 @@ def main(as_json: Annotated[bool, typer.Option("--json", help="Print one JSON ob
             "cores": os.cpu_count(),
             "python": platform.python_version(),
             "rclpy": version("ros-rclpy"),
-            "threads a process": 1,
+            "threads per process": 1,
         }
         console.print(machine, results, targets, sep="\n")
         if as_json:

@@ -2,7 +2,7 @@
 # Make an experiment's keystore, once, and give each process its own part: its keys and nothing else's.
 # usage: make_keystore.sh EXPERIMENT AUTHORITY KEYS     (in the image: mabirds-make-keystore)
 #   AUTHORITY   directory of the keystore, with the keys that vouch for everybody
-#   KEYS        directory with one directory a process, named like its enclave, to be filled
+#   KEYS        directory with one directory per process, named like its enclave, to be filled
 # KEYSTORE_OWNER: who is to own these (1000:1000), where this runs as root.
 set -euo pipefail
 if [ $# -ne 3 ]; then

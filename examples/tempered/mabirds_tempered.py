@@ -44,11 +44,11 @@ class TemperedPlanner:
         return soft_bellman_policy(self.game, reward / self.temperature)
 
     def state_dict(self, policy: Policy) -> dict[str, Array]:  # noqa: ARG002 - exact from any start
-        """Nothing."""
+        """No arrays: the planner is exact from any start."""
         return {}
 
     def load_state_dict(self, memory: Mapping[str, Array]) -> None:
-        """No policy is needed to start from."""
+        """No policy: the planner needs none to start from."""
 
 
 def build_tempered(settings: TemperedSettings, game: Any, reward: Any) -> TemperedPlanner:

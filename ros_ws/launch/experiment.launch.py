@@ -25,7 +25,7 @@ ARGUMENTS = {
     "run": ("", "name of this run; what belongs to others is refused"),
     "bag": ("", "bag to play; empty: the experiment's"),
     "rate": ("1.0", "speed, as a multiple of the recorded timing"),
-    "hz": ("0.0", "demonstrations a second; 0: the recorded timing times rate"),
+    "hz": ("0.0", "demonstrations per second; 0: the recorded timing times rate"),
     "checkpoints": ("", "directory with one below it for each learner's checkpoints; empty: none"),
 }
 """Default and description of each."""

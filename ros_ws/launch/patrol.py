@@ -1,4 +1,4 @@
-"""Start the patrol experiment: one process a learner plus the expert player. Options are those of ``mabirds run``.
+"""Start the patrol experiment: one process per learner plus the expert player. Options are those of ``mabirds run``.
 
 Example: python ros_ws/launch/patrol.py --rate 10
 """

@@ -47,7 +47,7 @@ def experiment(changes: dict[str, Any] | None = None) -> Experiment:
 
 
 def demonstrations(of: Experiment, seed: int = 0) -> dict[str, list[Trajectories]]:
-    """A stream a learner, of a soft policy that hurries to the goal and breaks no true constraint."""
+    """A stream per learner, of a soft policy that hurries to the goal and breaks no true constraint."""
     game, rng = build_game(of), np.random.default_rng(seed)
     policy = soft_bellman_policy(game, np.where(game.violation, -np.inf, 4 * game.task_reward))
     return {name: [rollouts(game, policy, 1, rng) for _ in range(of.iterations)] for name in of.learners}

@@ -175,7 +175,7 @@ def flight_experiment(changes: dict[str, Any] | None = None) -> Experiment:
 
 
 def flights(of: Experiment, seed: int = 0) -> dict[str, list[Trajectories]]:
-    """A stream a learner, of drones that hurry to their doors."""
+    """A stream per learner, of drones that hurry to their doors."""
     game, rng = drone_game(of), np.random.default_rng(seed)
     planner = LatticePlanner(game, TrueDroneReward(game), spacing=0.4, temperature=0.1)
     policy = planner.plan(np.zeros(0), np.zeros(len(game.cost_features.names)))

@@ -21,7 +21,7 @@ class ProgressReward:
         return self.lanes.n_vehicles
 
     def initial(self, rng: np.random.Generator) -> Vector:  # noqa: ARG002 - other models draw from it
-        """Zeros."""
+        """theta(1): zeros."""
         return np.zeros(self.size)
 
     def _progress(self, states: Array) -> Array:

@@ -1,4 +1,4 @@
-"""The ``mabirds`` command: one verb a file in ``mabirds_bringup.commands``."""
+"""The ``mabirds`` command: one file per verb in ``mabirds_bringup.commands``."""
 
 import sys
 

@@ -32,7 +32,7 @@ def guarded_output() -> Iterator[Any]:
 
 
 def print_json(content: Any, stream: Any) -> None:
-    """Exactly one JSON object."""
+    """Print ``content`` as exactly one JSON object."""
     print(json.dumps(content), file=stream, flush=True)
 
 

@@ -30,7 +30,7 @@ DEMONSTRATIONS = 5
 """Drawn of a game's experts."""
 
 STEP = 1e-5
-"""Of finite differences."""
+"""Step of finite differences."""
 
 
 def check_settings(kind: Kind, content: dict[str, object]) -> Settings:

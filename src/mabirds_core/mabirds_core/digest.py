@@ -5,7 +5,7 @@ import json
 from typing import Any
 
 FORMAT = 2
-"""Of what the digests of experiments and games are taken. They begin with it: another version is not another game."""
+"""Version of what goes into the digests of experiments and games: another version is not another game."""
 
 
 def digest(content: Any) -> str:

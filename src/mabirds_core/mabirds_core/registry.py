@@ -52,7 +52,7 @@ class Kind:
     form: str | None = None
     """Of games: how they can be planned in ("tabular", ...). Of planners: which games they are made for; None: all."""
     check: Callable[..., None] | None = None
-    """Of planners: ``check(settings, game)`` raises ExperimentError where the two do not fit."""
+    """Check of planners: ``check(settings, game)`` raises ExperimentError where the two do not fit."""
     default: bool = False
     """Whether settings that name no kind are of this one."""
 

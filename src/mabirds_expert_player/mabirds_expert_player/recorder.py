@@ -1,4 +1,4 @@
-"""Recording expert demonstrations to a bag: one topic a learner, the same messages from the same seed."""
+"""Recording expert demonstrations to a bag: one topic per learner, the same messages from the same seed."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path

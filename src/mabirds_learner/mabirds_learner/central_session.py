@@ -24,7 +24,7 @@ class CentralSession(SessionState):
 
     @property
     def state(self) -> CentralState:
-        """Before update n."""
+        """The method's state before update n."""
         return self._state
 
     @property
@@ -34,7 +34,7 @@ class CentralSession(SessionState):
 
     @property
     def lag(self) -> int:
-        """Nobody else learns."""
+        """How far others are ahead: 0, as nobody else learns."""
         return 0
 
     def waiting_for(self) -> list[str]:

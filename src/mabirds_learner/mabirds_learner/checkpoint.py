@@ -1,4 +1,4 @@
-"""Checkpoints: one safetensors file an iteration, written so that a killed process leaves only whole ones behind.
+"""Checkpoints: one safetensors file per iteration, written so that a killed process leaves only whole ones behind.
 
 A file holds the arrays of a session and says in its metadata whose they are. safetensors notices a file cut short;
 a SHA-256 of the arrays notices any other damage. The files of the last iterations stay. The newest is where a restarted

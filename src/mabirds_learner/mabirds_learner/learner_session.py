@@ -47,12 +47,12 @@ class LearnerSession(SessionState, Generic[AMember]):
 
     @property
     def state(self) -> LearnerState:
-        """Before update n."""
+        """The learner's state before update n."""
         return self.member.state
 
     @property
     def epoch(self) -> int:
-        """Of the membership that is followed; 0 where there is none, as in strict mode."""
+        """Epoch of the membership that is followed; 0 where there is none, as in strict mode."""
         return self.member.epoch
 
     @property

@@ -66,7 +66,7 @@ class Member(Protocol):
         ...
 
     def metrics(self) -> dict[str, float]:
-        """What is worth watching."""
+        """Numbers worth watching, by name."""
         ...
 
     def arrays(self) -> dict[str, Array]:
@@ -79,7 +79,7 @@ class Member(Protocol):
 
 
 def nothing() -> None:
-    """Of a member that nobody listens to."""
+    """The callback of a member that nobody listens to."""
 
 
 def indices_of(learners: tuple[str, ...], names: list[str]) -> Array:

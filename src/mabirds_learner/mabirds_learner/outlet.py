@@ -60,7 +60,7 @@ class NodeOutlet:
         return self.node.stamp()
 
     def set_event(self, words: str, *, log: bool = True) -> None:
-        """Tell people."""
+        """Tell people of an event."""
         self.node.set_event(words, log=log)
 
     def reject(self, what: str, error: RefusedMessageError) -> None:

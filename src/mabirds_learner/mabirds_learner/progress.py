@@ -15,7 +15,7 @@ class Session(Protocol):
 
     @property
     def epoch(self) -> int:
-        """Of the membership that is followed; 0 where there is none."""
+        """Epoch of the membership that is followed; 0 where there is none."""
         ...
 
     @property
@@ -70,11 +70,11 @@ class SessionState(ABC):
     @property
     @abstractmethod
     def state(self) -> LearnerState | CentralState:
-        """Before update n."""
+        """The state before update n."""
 
     @property
     def epoch(self) -> int:
-        """Of the membership that is followed; 0 where there is none, as in strict mode."""
+        """Epoch of the membership that is followed; 0 where there is none, as in strict mode."""
         return 0
 
     @property
@@ -89,5 +89,5 @@ class SessionState(ABC):
 
     @property
     def finished(self) -> bool:
-        """Is everything done?"""
+        """Are all updates and closing rounds made?"""
         return self.iteration > self.last

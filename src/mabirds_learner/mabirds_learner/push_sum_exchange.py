@@ -79,7 +79,7 @@ class PushSumExchange:
         self._member.set_alive(name, alive=alive)
 
     def on_timer(self) -> None:
-        """Nothing: what is missing is in what comes next."""
+        """Nothing to send again: the next running sums hold what is missing."""
 
     def _on_mass(self, name: str, message: Mass) -> None:
         learner_name, experiment_digest, schedule = self._identity

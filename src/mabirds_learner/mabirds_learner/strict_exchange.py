@@ -41,10 +41,10 @@ class StrictExchange:
             self._fetch[name] = self._outlet.caller(FetchParameters, name, topics.FETCH_PARAMETERS)
 
     def publish(self) -> None:
-        """Nothing: neighbours hear theta and omega themselves."""
+        """Nothing to publish: neighbours hear theta and omega themselves."""
 
     def on_presence(self, name: str, *, alive: bool) -> None:
-        """Nothing: a neighbour is waited for, however long."""
+        """Nothing to do: a neighbour is waited for, however long."""
 
     def _on_parameters(self, name: str, message: ParametersMessage) -> None:
         _, experiment_digest, schedule = self._identity

@@ -77,11 +77,11 @@ class StrictMember:
             known.pop(iteration, None)
 
     def metrics(self) -> dict[str, float]:
-        """Nothing that parameters would not show."""
+        """No numbers: parameters show all of them."""
         return {}
 
     def arrays(self) -> dict[str, Array]:
-        """Nothing: neighbours are asked again."""
+        """No arrays: neighbours are asked again."""
         return {}
 
     def restore(self, iteration: int, arrays: Mapping[str, Array]) -> None:

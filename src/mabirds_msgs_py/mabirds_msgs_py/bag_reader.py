@@ -182,7 +182,7 @@ class _BoundedFile(io.BufferedReader):
         self._size = file.stat().st_size
 
     def read(self, size: int | None = -1, /) -> bytes:
-        """As of every file."""
+        """Read as from every file, but never ask for more than it has."""
         return super().read(size if size is None else min(size, self._size))
 
 

@@ -150,7 +150,7 @@ def schedule_message(schedule: EdgeSchedule) -> EdgeScheduleMessage:
 def read_schedule(message: EdgeScheduleMessage) -> EdgeSchedule:
     """The schedule in a message, which its digest must confirm; raises RefusedMessageError where it does not."""
     if not len(message.edge_slot) == len(message.sender) == len(message.receiver):
-        raise RefusedMessageError("wrong_shape", "edge_slot, sender and receiver: expected one number an edge in each")
+        raise RefusedMessageError("wrong_shape", "edge_slot, sender and receiver: expected one number per edge in each")
     if message.edge_slot and max(message.edge_slot) >= message.slots:
         raise RefusedMessageError(
             "impossible_schedule", f"slot {max(message.edge_slot)}, expected less than {message.slots}"

@@ -1,4 +1,4 @@
-"""QoS profiles, one a kind of topic (docs/operations.md explains the choices)."""
+"""QoS profiles, one per kind of topic (docs/operations.md explains the choices)."""
 
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy

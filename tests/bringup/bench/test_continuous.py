@@ -168,10 +168,10 @@ def test_targets_say_what_is_met_and_what_is_missed() -> None:
     assert found["MA-BIRDS learner_1 violation_rate"] is True
     assert found["MA-BIRDS learner_2 violation_rate"] is False
     assert found["BICS success_rate"] is True
-    assert found["MA-BIRDS learner_1 seconds an iteration"] is True
-    assert found["MA-BIRDS learner_2 seconds an iteration"] is False
-    assert found["FTL time an iteration / MA-BIRDS"] is False  # 1.4 s / 0.3 s
-    assert found["DLM time an iteration / MA-BIRDS"] is True
+    assert found["MA-BIRDS learner_1 seconds per iteration"] is True
+    assert found["MA-BIRDS learner_2 seconds per iteration"] is False
+    assert found["FTL time per iteration / MA-BIRDS"] is False  # 1.4 s / 0.3 s
+    assert found["DLM time per iteration / MA-BIRDS"] is True
     assert found["MA-BIRDS learner_1 share of pillars that cost more than ways flown"] is True
     assert found["MA-BIRDS learner_2 share of pillars that cost more than ways flown"] is False
     assert found["MA-BIRDS learner_2 share of seeds where closeness costs"] is True
@@ -181,7 +181,7 @@ def test_targets_of_soft_actor_critics_are_those_of_parameters_and_of_actors() -
     found = targets(sac_results(seconds=[2.0, 2.0]))
     assert found["soft actor-critic, MA-BIRDS learner_1 success_rate"] is True
     assert found["soft actor-critic, MA-BIRDS learner_1 actor's success_rate"] is False
-    assert found["soft actor-critic, MA-BIRDS learner_1 seconds an iteration"] is True
+    assert found["soft actor-critic, MA-BIRDS learner_1 seconds per iteration"] is True
     assert len(found) == 7
 
 

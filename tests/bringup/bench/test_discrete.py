@@ -102,8 +102,8 @@ def test_targets_say_what_is_met_and_what_is_missed() -> None:
     assert found["MA-BIRDS learner_1 false_positive_rate"] is True
     assert found["MA-BIRDS learner_2 false_positive_rate"] is False
     assert found["MA-BIRDS learner_2 success_rate"] is True
-    assert found["FTL time an iteration / MA-BIRDS"] is True
-    assert found["DLM time an iteration / MA-BIRDS"] is False
+    assert found["FTL time per iteration / MA-BIRDS"] is True
+    assert found["DLM time per iteration / MA-BIRDS"] is False
     assert found["seeds with one constraint set"] is True
 
 

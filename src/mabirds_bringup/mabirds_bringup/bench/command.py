@@ -31,7 +31,7 @@ class Request:
     """Each case in a process of its own, so that its memory is its own."""
 
     def results(self, cases: Sequence[Case], run_case: RunCase) -> "pl.DataFrame":
-        """Of earlier cases, where only a group is asked for, and of the cases asked for."""
+        """Results of the cases asked for, and earlier ones of the others where only a group is asked for."""
         # The cases' processes import the whole command, and what is imported there counts as memory of the cases.
         from mabirds_bringup.bench.frame import frame_of, read_results
 
@@ -51,5 +51,5 @@ class Request:
 
 
 def command_line() -> str:
-    """What was typed."""
+    """The command as it was typed."""
     return shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])

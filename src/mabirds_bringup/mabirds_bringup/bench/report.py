@@ -39,7 +39,7 @@ class Benchmark:
         return [section(title, own, self.columns) for title, own in of.items() if len(own)]
 
     def targets(self, rows: pl.DataFrame) -> pl.DataFrame:
-        """Of all limits, in order."""
+        """Targets of all limits, in order."""
         return pl.concat([limits.targets(rows) for limits in self.limits])
 
 

@@ -22,7 +22,7 @@ class Limit:
     at_most: bool = False
 
     def targets(self, rows: pl.DataFrame, name: pl.Expr) -> pl.DataFrame:
-        """Of the rows that have a value and a limit, with ``row``."""
+        """Targets of the rows that have a value and a limit, with ``row``."""
         return rows.select(
             "row",
             name=pl.concat_str(name, pl.lit(self.words), separator=" "),
@@ -62,7 +62,7 @@ def slower_than_learners() -> Limit:
     """Methods with an inner loop cost at least five times as much per iteration as the fastest learner."""
     seconds = pl.col("iteration_seconds")
     fastest = seconds.filter(pl.col("label") == MABIRDS).min().fill_null(1.0)
-    return Limit("time an iteration / MA-BIRDS", seconds / fastest, {"FTL": 5.0, "DLM": 5.0})
+    return Limit("time per iteration / MA-BIRDS", seconds / fastest, {"FTL": 5.0, "DLM": 5.0})
 
 
 def _limit_text(cell: Mapping[str, Any]) -> str:

@@ -19,7 +19,7 @@ COLUMNS = 4
 
 
 def schedule_figure(schedule: EdgeSchedule) -> Figure:
-    """A panel a slot: learners on a circle, an arrow for each open edge, its weight beside it."""
+    """A panel per slot: learners on a circle, an arrow for each open edge, its weight beside it."""
     shown = min(len(schedule.slots), MAX_SLOTS)
     columns = min(shown, COLUMNS)
     size = (2.6 * columns, 2.7 * ceil(shown / columns))

@@ -79,7 +79,7 @@ class Network:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Who learns."""
+        """Names of those who learn."""
         return (self.method,) if self.method else self.experiment.learners
 
     def run(self, on_tick: Callable[[MonitorNode, Supervisor, Sequence[str]], None] = _nothing) -> NetworkResult:

@@ -1,4 +1,4 @@
-"""The operating-system side of a run: one process a node, each in its own process group with its own log."""
+"""The operating-system side of a run: one process per node, each in its own process group with its own log."""
 
 import json
 import os

@@ -100,7 +100,7 @@ def _version(package: str) -> str | None:
 
 
 def write_metrics(directory: Path, evaluation: Evaluation) -> None:
-    """metrics.csv: one row a learner and iteration, with the consensus distances of that iteration."""
+    """metrics.csv: one row per learner and iteration, with the consensus distances of that iteration."""
     columns = [field.name for field in fields(LearnerMetrics)]
     with (directory / "metrics.csv").open("w", newline="", encoding="utf-8") as stream:
         writer = csv.DictWriter(stream, [*columns, "consensus_theta", "consensus_omega"])

@@ -17,7 +17,7 @@ from mabirds_msgs_py import topics
 from mabirds_msgs_py.security import SecurityError
 
 POLICY_VERSION = "0.2.0"
-"""Of SROS2's policy format, as ROS 2 Jazzy reads it."""
+"""Version of SROS2's policy format, as ROS 2 Jazzy reads it."""
 
 NODE_TOPICS = ("/parameter_events", "/rosout")
 """What every node publishes."""
@@ -184,7 +184,7 @@ def _access(
 
 
 def policy_xml(processes: Iterable[Access]) -> str:
-    """The policy file for SROS2, one enclave a process."""
+    """The policy file for SROS2, one enclave per process."""
     policy = ET.Element("policy", version=POLICY_VERSION)
     enclaves = ET.SubElement(policy, "enclaves")
     for process in processes:

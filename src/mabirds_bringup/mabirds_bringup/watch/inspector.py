@@ -181,5 +181,5 @@ def _name(learner: WatchedLearner, feature: int) -> str:
 
 
 def _number(value: float) -> float | None:
-    """As JSON knows it: NaN and infinity are no numbers there."""
+    """The number as JSON knows it: NaN and infinity are no numbers there."""
     return value if math.isfinite(value) else None

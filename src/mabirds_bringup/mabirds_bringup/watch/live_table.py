@@ -16,7 +16,7 @@ STATES = {
 
 
 def live_table(experiment: Experiment, monitor: MonitorNode) -> Table:
-    """One row a learner (seconds: of its newest iteration), the consensus distance below."""
+    """One row per learner (seconds: of its newest iteration), the consensus distance below."""
     table = Table(title=f"{experiment.name}: {len(monitor.names)} learning", caption=caption(monitor))
     for column in ("learner", "learned", "backlog", "state", "waits for", "seconds", "dropped"):
         table.add_column(column)

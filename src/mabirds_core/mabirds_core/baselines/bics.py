@@ -4,7 +4,7 @@ With all N_L new demonstrations of iteration n at hand there is nothing to agree
 
     omega <- omega - alpha(n) grad_omega,   theta <- theta - beta(n) grad_theta
 
-for the mean loss of the last l iterations' demonstrations of all streams: one policy and one step an iteration.
+for the mean loss of the last l iterations' demonstrations of all streams: one policy and one step per iteration.
 
 ME-gradient (Malik, Anwar, Aghasi and Ahmed, ICML 2021) is the same with the true reward given: theta is empty, and
 omega ascends the likelihood of the demonstrations under the maximum-entropy policy of that reward.

@@ -20,7 +20,7 @@ from mabirds_core.games.interface import Trajectories
 
 @dataclass(frozen=True)
 class Ftl:
-    """``tolerance``: of the stationary point, in discounted counts. ``most_steps``: an iteration."""
+    """``tolerance``: of the stationary point, in discounted counts. ``most_steps``: per iteration."""
 
     estimator: GradientEstimator
     steps: StepSizes

@@ -18,14 +18,14 @@ class Cost(NamedTuple):
     policy_solves: int = 0
 
     def more(self, gradient_steps: int, policy_solves: int) -> "Cost":
-        """The sums."""
+        """The cost with these steps and solves added."""
         return Cost(self.gradient_steps + gradient_steps, self.policy_solves + policy_solves)
 
 
 class CentralState(NamedTuple):
     """A method before its update n.
 
-    ``seen``: the demonstrations of iterations n - 1, n - 2, ..., newest first, each with one row a stream.
+    ``seen``: the demonstrations of iterations n - 1, n - 2, ..., newest first, each with one row per stream.
     ``policy``: the last one found, from which the next search starts.
     """
 
@@ -40,11 +40,11 @@ class CentralMethod(Protocol):
     """One of the methods; its settings are its attributes."""
 
     def initial_state(self) -> CentralState:
-        """Before the first demonstration."""
+        """The state before the first demonstration."""
         ...
 
     def update(self, state: CentralState, demonstrations: Trajectories) -> CentralState:
-        """Online iteration n with ``demonstrations`` of iteration n, one row a stream."""
+        """Online iteration n with ``demonstrations`` of iteration n, one row per stream."""
         ...
 
 

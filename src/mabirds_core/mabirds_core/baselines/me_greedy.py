@@ -32,7 +32,7 @@ class MeGreedy:
     least_mass: float
 
     def initial_state(self) -> CentralState:
-        """No constraint."""
+        """The state before the first demonstration: no constraint is inferred yet."""
         return CentralState(1, Parameters(np.zeros(0), np.zeros(len(self.game.cost_features.names))))
 
     def update(self, state: CentralState, demonstrations: Trajectories) -> CentralState:

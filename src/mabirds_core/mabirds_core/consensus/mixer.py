@@ -38,7 +38,7 @@ class Mixer(Protocol[State, Message]):
 
     @property
     def name(self) -> str:
-        """Whose mixer it is."""
+        """Name of the learner whose mixer it is."""
         ...
 
     @property
@@ -72,4 +72,4 @@ class Mixer(Protocol[State, Message]):
 
 
 AnyMixer = Mixer[Any, Any]
-"""Of a learner that does not look into states and messages."""
+"""The mixer of a learner that does not look into states and messages."""

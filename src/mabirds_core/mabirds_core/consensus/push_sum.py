@@ -35,7 +35,7 @@ class RunningSum(NamedTuple):
 
     @classmethod
     def zero(cls, size: int) -> "RunningSum":
-        """A sum of nothing."""
+        """The running sum of nothing sent yet."""
         return cls(np.zeros(size), np.zeros(size))
 
     def plus(self, values: Vector) -> "RunningSum":
@@ -70,7 +70,7 @@ class PushSumState(NamedTuple):
 
     @property
     def weight(self) -> float:
-        """y."""
+        """y, the weight of the mass."""
         return float(self.mass[-1])
 
     def send(self, outgoing_weights: Mapping[str, float], own_weight: float) -> "PushSumState":

@@ -70,7 +70,7 @@ class StrictMixer:
         return Parameters(theta, omega)
 
     def to_arrays(self, state: StrictState) -> dict[str, Array]:  # noqa: ARG002 - all of it is parameters
-        """Nothing: theta(n) and omega(n) are all."""
+        """No arrays: theta(n) and omega(n) are all there is to keep."""
         return {}
 
     def from_arrays(

@@ -29,7 +29,7 @@ MAX_VALUE = 60
 """Characters of a wrong value that an error shows."""
 
 MAX_CHARACTERS = 4 * MAX_FILE
-"""Of an experiment's settings as JSON."""
+"""Characters of an experiment's settings as JSON, at most."""
 
 MAX_EXPLANATION = 500
 """Characters that say what is wrong with one setting."""
@@ -193,7 +193,7 @@ def _checked(path: Path, content: dict[str, Any]) -> Experiment:
 
 
 def _json(content: dict[str, Any]) -> str:
-    """As JSON, piece by piece: a few aliases of aliases can stand for gigabytes."""
+    """``content`` as JSON, piece by piece: a few aliases of aliases can stand for gigabytes."""
     pieces, size = list[str](), 0
     for piece in json.JSONEncoder(default=str).iterencode(content):
         pieces.append(piece)

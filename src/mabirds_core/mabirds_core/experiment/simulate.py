@@ -76,7 +76,7 @@ class _Part(Protocol):
 
     @property
     def state(self) -> LearnerState | CentralState:
-        """Before update n."""
+        """The state before update n."""
         ...
 
     def outgoing(self) -> Mapping[str, Any]:

@@ -1,1 +1,1 @@
-"""Constrained Markov games: the interface, and one file a game."""
+"""Constrained Markov games: the interface, and one file per game."""

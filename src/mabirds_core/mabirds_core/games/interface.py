@@ -44,7 +44,7 @@ class FeatureMap(Protocol):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """One name for people a feature, shape (K,)."""
+        """One name per feature, for people, shape (K,)."""
         ...
 
     def total(self, visitation: Visitation) -> Vector:
@@ -130,7 +130,7 @@ class TabularGame(ConstrainedMarkovGame, Protocol):
 
     @property
     def reward_features(self) -> RewardFeatureMap:
-        """Features of the reward models: theta weighs them or makes their weights. One an expert in every pair."""
+        """Features of the reward models: theta weighs them or makes their weights. One per expert in every pair."""
         ...
 
     @property

@@ -37,7 +37,7 @@ def rollouts(
 
 
 def _draw(log_probabilities: Array, rng: np.random.Generator) -> Indices:
-    """One action a row, by inverting the cumulative distribution."""
+    """One action per row, by inverting the cumulative distribution."""
     cumulative = np.exp(log_probabilities).cumsum(axis=1)
     total = cumulative[:, -1:]
     if not (total > 0).all():

@@ -57,11 +57,11 @@ class SoftBellmanPlanner:
         return soft_bellman_policy(self.game, reward)
 
     def state_dict(self, policy: Policy) -> dict[str, Array]:  # noqa: ARG002 - exact from any start
-        """Nothing."""
+        """No arrays: the planner is exact from any start."""
         return {}
 
     def load_state_dict(self, memory: Mapping[str, Array]) -> None:
-        """No policy is needed to start from."""
+        """No policy: the planner needs none to start from."""
 
 
 def soft_bellman_policy(game: TabularGame, reward: Array) -> SoftBellmanPolicy:

@@ -22,8 +22,8 @@ So this is soft value iteration on the part of the game seen so far (compare rea
 Bradtke and Singh, 1995), and exact in the states from which only visited ones can be reached. A search that starts
 from an earlier policy takes over which states were visited and values them anew for its own theta and omega.
 
-Memory: T + 2 values a visited state, and nothing of size T S. The dynamics and the values are not enumerated. The
-reward is: reward models and features give whole tables (S, A), asked for once a search.
+Memory: T + 2 values per visited state, and nothing of size T S. The dynamics and the values are not enumerated. The
+reward is: reward models and features give whole tables (S, A), asked for once per search.
 """
 
 from collections.abc import Mapping
@@ -72,9 +72,9 @@ class SoftQPlanner:
     reward_model: TabularRewardModel
     cost_features: TabularFeatureMap
     episodes: int
-    """Episodes a sweep."""
+    """Episodes per sweep."""
     sweeps: int
-    """Sweeps a search, each with the newest policy."""
+    """Sweeps per search, each with the newest policy."""
     exploration: float
     """Share of the actions that are drawn uniformly, in [0, 1]; the larger the rewards, the more is needed."""
 

@@ -66,7 +66,7 @@ class FixedModel:
 
     @property
     def size(self) -> int:
-        """0."""
+        """Length of theta: 0."""
         return 0
 
     def initial(self, rng: np.random.Generator) -> Vector:  # noqa: ARG002 - nothing to draw

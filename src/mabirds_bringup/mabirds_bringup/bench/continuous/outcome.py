@@ -24,7 +24,7 @@ from mabirds_core.games.interface import Imitation, Trajectories
 from mabirds_core.metrics.metrics import consensus_distance
 
 FLIGHTS = 2000
-"""That judge a policy after the last update, and after the closing rounds; a tenth of them after every other."""
+"""Flights that judge a policy after the last update and the closing rounds; a tenth of them after every other."""
 
 SHOWN_FLIGHTS = 15
 DIGITS = 6
@@ -91,14 +91,14 @@ def _learned(case: Case, experiment: Experiment, flights: int) -> LearnedCase:
 
 
 def peak_memory() -> float:
-    """Of this process [MB]. Not of resource.getrusage, where a new process begins with what its parent takes."""
+    """Most memory of this process [MB]; resource.getrusage would count what its parent takes when it begins."""
     status = Path("/proc/self/status").read_text(encoding="utf-8")
     kibibytes = next(line.split()[1] for line in status.splitlines() if line.startswith("VmHWM:"))
     return int(kibibytes) * 1024 / 1e6
 
 
 def _judgement(learned: LearnedCase, name: str) -> Judgement:
-    """Of the policies that theta and omega mean."""
+    """Judgement of the policies that theta and omega mean."""
     experiment, game, parameters = learned.experiment, learned.game, learned.history[name]
     policy, imitations = evaluation_policy(experiment, name, game), list[Imitation]()
     for updates, known in enumerate(parameters):

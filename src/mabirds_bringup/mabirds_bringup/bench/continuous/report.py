@@ -20,7 +20,7 @@ from mabirds_core.games.drones.study import drone_game
 
 NOTE = (
     "Mean ± half the range over the seeds. CVR and SR are shares of {flights} flights of the policy that theta and"
-    " omega mean, found near-exactly (for the times to a success rate, {fewer} flights an iteration); an actor's are"
+    " omega mean, found near-exactly (for the times to a success rate, {fewer} flights per iteration); an actor's are"
     " those of the network that the learner found last. STPOI: time per online iteration; 50% ST, 90% ST: time of"
     " updates until SR first is that high; each divided by the smallest of its column. Learners work at the same time:"
     " the time of one's own updates counts. Gradient steps, policy solves and seconds are per online iteration of one"
@@ -63,7 +63,7 @@ COSTS = (
 
 def group_limits(group: str, name: pl.Expr, most_seconds: float) -> Iterator[Limits]:
     """Rates, times, and what learned costs say; ``most_seconds``: per iteration of a learner."""
-    seconds = Limit("seconds an iteration", pl.col("iteration_seconds"), {MABIRDS: most_seconds}, at_most=True)
+    seconds = Limit("seconds per iteration", pl.col("iteration_seconds"), {MABIRDS: most_seconds}, at_most=True)
     for limits in (RATES, (seconds,), (slower_than_learners(),), COSTS):
         yield Limits(group, limits, name)
 

@@ -46,15 +46,15 @@ class Adam(NamedTuple):
 
     @classmethod
     def of(cls, weights: Tensor) -> Self:
-        """Before the first step."""
+        """Adam's state for ``weights`` before the first step."""
         return cls(weights, torch.zeros_like(weights), torch.zeros_like(weights), 0)
 
     def on(self, device: str) -> "Adam":
-        """The same on ``device``."""
+        """The same state on ``device``."""
         return Adam(self.weights.to(device), self.mean.to(device), self.square.to(device), self.steps)
 
     def descend(self, gradient: Tensor, rate: float) -> "Adam":
-        """After one step."""
+        """The state after one step against ``gradient``."""
         (first, second), count = DECAYS, self.steps + 1
         mean, square = self.mean.lerp(gradient, 1 - first), self.square.lerp(gradient**2, 1 - second)
         step = mean / (1 - first**count) / ((square / (1 - second**count)).sqrt() + EPSILON)
@@ -124,7 +124,7 @@ class Networks:
 
     @cached_property
     def dynamics(self) -> DroneDynamics:
-        """In single precision."""
+        """The game's dynamics in single precision."""
         return self.game.dynamics.on(self.device, torch.float32)
 
     @cached_property

@@ -33,7 +33,7 @@ class DroneDynamics:
 
     @classmethod
     def of(cls, settings: DroneSettings) -> Self:
-        """With arrays of numpy."""
+        """The dynamics of ``settings`` with arrays of numpy."""
         doors = [task.door for task in settings.drones]
         double = settings.dynamics == "double_integrator"
         return cls(
@@ -66,7 +66,7 @@ class DroneDynamics:
 
     @property
     def action_unit(self) -> str:
-        """For people."""
+        """Unit of an action, for people."""
         return "m/s" if self.max_acceleration is None else "m/s^2"
 
     def step(self, drones: Any, controls: Any) -> Any:

@@ -99,7 +99,7 @@ class DroneCostFeatures:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """One for people a feature."""
+        """One name per feature, for people."""
         drones = range(1, self._space.n_experts + 1)
         return (
             *(f"drone_{i} near ({x:.2f}, {y:.2f}) m" for i in drones for x, y in self.lattice.nodes),
@@ -158,7 +158,7 @@ class DroneRewardFeatures:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """One for people a feature."""
+        """One name per feature, for people."""
         drones = range(1, self._space.n_experts + 1)
         return tuple(f"drone_{i} near ({x:.2f}, {y:.2f}) m" for i in drones for x, y in self.lattice.nodes)
 
@@ -174,5 +174,5 @@ class DroneRewardFeatures:
         return self.lattice.values(weights.reshape(self._space.n_experts, -1)[drone], states[..., :2])
 
     def pairwise(self, weights: Vector, pair: int, distances: Array) -> Array:  # noqa: ARG002 - each drone has its own
-        """Nothing."""
+        """What the distances of a pair of drones earn: zeros, as no reward feature looks at them."""
         return np.zeros(distances.shape)

@@ -27,13 +27,13 @@ LEFT, RIGHT = 1, -1
 SPACING = 0.15
 """Between the points of a way [m]."""
 LEAST_POINTS, MAX_POINTS = 24, 256
-"""Of a way; fewer are no curve, more take long."""
+"""Points of a way; fewer are no curve, more take long."""
 TENSION, STIFFNESS = 2.0, 8.0
-"""Of the elastic band."""
+"""Forces of the elastic band."""
 PULLS = 60
 """How often the band is pulled towards its rest."""
 MAX_NODES = 200
-"""Of the lattice along a wall."""
+"""Nodes of the lattice along a wall, at most."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ class PathPlanner:
 
     @cached_property
     def _points(self) -> int:
-        """Of every way of this game."""
+        """Number of points of every way of this game."""
         longest = max(length_of(way.points) for ways in self.corridors for way in ways.values())
         return int(np.clip(longest / SPACING, LEAST_POINTS, MAX_POINTS))
 
@@ -221,7 +221,7 @@ def _steps(free: Mask) -> "coo_array[np.float64]":
 
 
 def length_of(way: Array) -> float:
-    """Of a way (k, 2)."""
+    """Length of a way (k, 2)."""
     return float(np.hypot(*np.diff(way, axis=0).T).sum())
 
 

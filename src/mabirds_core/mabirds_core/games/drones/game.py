@@ -21,7 +21,7 @@ from mabirds_core.games.drones.space import DroneSpace
 from mabirds_core.games.interface import Trajectories
 
 TOLERANCE = 1e-6
-"""By how much a demonstrated step may miss what the dynamics say, in metres and metres a second."""
+"""By how much a demonstrated step may miss what the dynamics say, in metres and metres per second."""
 
 
 class DroneGame:
@@ -40,7 +40,7 @@ class DroneGame:
 
     @cached_property
     def digest(self) -> str:
-        """Of the room, the drones, how they move and their doors, at which they stay; pillars bind nobody."""
+        """Digest of the room, the drones, how they move and the doors where they stay; pillars bind nobody."""
         constants = {name: value for name, value in vars(self.dynamics).items() if name != "library"}
         plain = {name: np.asarray(value).tolist() for name, value in constants.items()}
         return trajectory_digest("drones", plain, self.horizon)

@@ -11,7 +11,7 @@ from mabirds_core.games.drones.rollouts import DronePolicy, drone_rollouts
 from mabirds_core.games.interface import Imitation, Trajectories
 
 FLIGHTS = 500
-"""That judge a policy."""
+"""Flights that judge a policy."""
 
 MAX_EVAL_ITERATIONS = 13
 """Iterations of a learner that are judged; each takes a second."""
@@ -25,7 +25,7 @@ class FlightJudge:
     method: str = f"shares of {FLIGHTS} flights of the policy that theta and omega mean, found anew"
 
     def eval_iterations(self, count: int) -> list[int]:
-        """Evenly spread over all."""
+        """Iterations to judge, evenly spread over all."""
         return sorted({round(n) for n in np.linspace(1, count, min(count, MAX_EVAL_ITERATIONS))})
 
     def flights(self, policy: DronePolicy, seed: int, count: int = FLIGHTS) -> Trajectories:
@@ -33,9 +33,9 @@ class FlightJudge:
         return drone_rollouts(self.game, policy, count, np.random.default_rng([seed, FLIGHTS]))
 
     def imitation(self, policy: DronePolicy, seed: int) -> Imitation:
-        """CVR and SR."""
+        """CVR and SR of a policy's flights."""
         return drone_imitation(self.game, self.flights(policy, seed))
 
     def distance(self, policies: Sequence[DronePolicy], seed: int) -> float:
-        """Of the drones' place visitations."""
+        """Distance of the policies' place visitations."""
         return flight_distance([place_visitation(self.game, self.flights(policy, seed)) for policy in policies])

@@ -11,8 +11,8 @@ V_{t+1} / tau) on the lattice nodes of both drones and exp(gamma V / tau) interp
 
     exp(V_t / tau) = exp(r_12 / tau) * ( K_1 Y K_2^T ),     K_i[s, s'] = sum_a mu(a) exp(r_i(s, a) / tau) B_i[s, a, s']
 
-where B_i[s, a, .] are the bilinear weights of the place that action a leads to: two sparse products a step instead
-of a sum over all joint actions. mu is taken at 25 moves a drone. In the game itself, the policy chooses among the
+where B_i[s, a, .] are the bilinear weights of the place that action a leads to: two sparse products per step instead
+of a sum over all joint actions. mu is taken at 25 moves per drone. In the game itself, the policy chooses among the
 same moves, by V_{t+1} interpolated between the nodes.
 """
 
@@ -78,7 +78,7 @@ class Lattice:
 
     @cached_property
     def nodes(self) -> Array:
-        """Shape (S, 2)."""
+        """Places of the lattice's nodes, shape (S, 2)."""
         return np.asarray(np.stack(np.meshgrid(*self.axes, indexing="ij"), axis=-1).reshape(-1, 2))
 
     @cached_property
@@ -202,11 +202,11 @@ class LatticePlanner:
         return LatticePolicy(self.lattice, rewards, self.temperature, values)
 
     def state_dict(self, policy: Policy) -> dict[str, Array]:  # noqa: ARG002 - nothing is searched
-        """Nothing."""
+        """No arrays: the planner is exact from any start."""
         return {}
 
     def load_state_dict(self, memory: Mapping[str, Array]) -> None:
-        """No policy is needed to start from."""
+        """No policy: the planner needs none to start from."""
 
 
 @dataclass(frozen=True)
@@ -231,12 +231,12 @@ class TransitionKernel:
 
     @classmethod
     def trivial(cls) -> "TransitionKernel":
-        """Of a drone that has nowhere to go, for games of one."""
+        """The kernel of a drone that has nowhere to go, for games of one."""
         return cls(np.zeros((1, 1), dtype=np.int64), np.zeros((1, 1)))
 
     @property
     def size(self) -> int:
-        """S."""
+        """S, how many nodes there are."""
         return len(self.nodes)
 
     @cached_property
@@ -246,7 +246,7 @@ class TransitionKernel:
 
     @cached_property
     def row_ends(self) -> Indices:
-        """Of the sparse matrix, shape (S + 1,)."""
+        """Row pointers of the sparse matrix, shape (S + 1,)."""
         return np.concatenate([[0], self.reached.sum(axis=1).cumsum()])
 
     def scaled(self, potential: Vector) -> tuple[csr_array, Vector]:

@@ -7,7 +7,7 @@ from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.interface import Trajectories
 
 POINTS = 2000
-"""Of a disc over which a mean is taken."""
+"""Points of a disc over which a mean is taken."""
 
 RIM_POINTS = 360
 
@@ -16,7 +16,7 @@ FAR = 1.0
 
 
 def place_costs(game: DroneGame, omega: Vector, drone: int, places: Array) -> Array:
-    """Of places (..., 2) of a drone that makes no effort, shape (...)."""
+    """Learned costs of places (..., 2) of a drone that makes no effort, shape (...)."""
     states = np.zeros((places[..., 0].size, game.dynamics.drone_size))
     states[:, :2] = places.reshape(-1, 2)
     costs = -game.cost_features.unary(omega, drone, states, np.zeros((len(states), 2)))
@@ -24,7 +24,7 @@ def place_costs(game: DroneGame, omega: Vector, drone: int, places: Array) -> Ar
 
 
 def distance_costs(game: DroneGame, omega: Vector, pair: int, distances: Array) -> Array:
-    """Of the distances [m] of the drones of ``game.pairs[pair]``, shape of ``distances``."""
+    """Learned costs of the distances [m] of the drones of ``game.pairs[pair]``, shape of ``distances``."""
     return np.asarray(-game.cost_features.pairwise(omega, pair, distances))
 
 

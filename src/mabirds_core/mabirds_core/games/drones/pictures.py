@@ -21,7 +21,7 @@ from mabirds_core.games.drones.learned_costs import distance_costs, place_costs
 from mabirds_core.games.interface import Learned
 
 COLOURS = ("tab:red", "tab:blue", "tab:green", "tab:orange", "tab:purple", "tab:brown")
-"""Of the drones, in turn."""
+"""Colours of the drones, in turn."""
 
 FIELD = "viridis"
 """Perceptually uniform: equal differences of cost look equal."""
@@ -88,7 +88,7 @@ class LearnedCosts(NamedTuple):
 
 
 def draw_costs(figure: FigureBase, game: DroneGame, learned: dict[str, LearnedCosts]) -> None:
-    """A column for each name in ``learned``, a row a drone; one scale for all panels."""
+    """A column for each name in ``learned``, a row per drone; one scale for all panels."""
     axes = figure.subplots(game.n_experts, len(learned), squeeze=False)
     fields = [cost_field(game, omega, drone) for omega, _ in learned.values() for drone in range(game.n_experts)]
     limits = float(np.min(fields)), float(np.max(fields))

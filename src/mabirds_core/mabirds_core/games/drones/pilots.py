@@ -34,11 +34,11 @@ Only flights are drawn again as long as there is hope: starts and sides have the
 LOOKAHEAD = 2.5
 """Steps at largest speed by which pure pursuit looks ahead."""
 RESPONSE = 0.6
-"""Of the difference between the velocity wanted and the present one, how much is made up for in a step."""
+"""How much of the difference between the velocity wanted and the present one is made up for in a step."""
 PERSISTENCE = 0.7
 """Correlation of the noise from one step to the next."""
 FRACTIONS = np.array([1.0, 0.75, 0.5, 0.25, 0.0])
-"""Of its speed that a drone may slow down to."""
+"""Fractions of its speed that a drone may slow down to."""
 AIM = 0.5
 """Pilots aim at places within this fraction of their door's radius."""
 
@@ -151,7 +151,7 @@ class Pilots:
 
 @dataclass(frozen=True)
 class _Flight:
-    """Drones on their way."""
+    """A flight under way: drones between their starts and their doors."""
 
     pilots: Pilots
     paths: FlightPaths

@@ -11,7 +11,7 @@ MAX_VALUES = 200_000_000
 """Values that a policy on a lattice may keep, and weights of where moves lead: 1.6 gigabytes each."""
 
 MOVES = 25
-"""Of a drone on a lattice."""
+"""Moves of a drone on a lattice."""
 
 
 def suits_lattice(game: DroneGame) -> bool:

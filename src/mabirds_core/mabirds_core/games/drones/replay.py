@@ -22,7 +22,7 @@ class Replay:
 
     @classmethod
     def empty(cls, game: DroneGame) -> Self:
-        """Without any."""
+        """A replay without transitions."""
         steps = game.horizon + 1
         nothing = Trajectories(np.empty((0, steps, game.state_size)), np.empty((0, steps, game.action_size)))
         return cls(nothing, nothing)
@@ -32,7 +32,7 @@ class Replay:
         return Replay(_newest(_joined(self.rollouts, new), capacity), self.demonstrations)
 
     def with_demonstrations(self, observed: Trajectories | None, capacity: int) -> "Replay":
-        """With those ``observed`` that are not there yet: a learner's window shows each of them many times."""
+        """The replay with those ``observed`` that it lacks: a learner's window shows each of them many times."""
         if observed is None:
             return self
         known, fresh = set(_keys(self.demonstrations)), np.zeros(len(observed.states), dtype=bool)

@@ -32,7 +32,7 @@ class LinearDroneReward(LinearModel):
         return self.game.reward_features.unary(theta, drone, states, actions)
 
     def pairwise(self, theta: Vector, pair: int, distances: Array) -> Array:
-        """Nothing."""
+        """No cost of distances."""
         return self.game.reward_features.pairwise(theta, pair, distances)
 
 
@@ -79,7 +79,7 @@ class NeuralDroneReward:
         return np.asarray(self._rewards(own, places)[..., 0])
 
     def pairwise(self, theta: Vector, pair: int, distances: Array) -> Array:  # noqa: ARG002 - each drone has its own
-        """Nothing."""
+        """No cost of distances."""
         return np.zeros(distances.shape)
 
     def _scaled(self, places: Array) -> Any:
@@ -109,5 +109,5 @@ class TrueDroneReward(FixedModel):
         return np.where(there, 0.0, -self.game.settings.step_cost)
 
     def pairwise(self, theta: Vector, pair: int, distances: Array) -> Array:  # noqa: ARG002 - none
-        """Nothing."""
+        """No cost of distances."""
         return np.zeros(distances.shape)

@@ -59,7 +59,7 @@ class DroneSettings(Settings):
     max_acceleration: Length = Field(2.0, description="of double integrators [m/s^2]")
     drone_radius: Length = Field(0.12, description="[m]")
     least_distance: Length = Field(0.35, description="of two drones' middles [m]")
-    step_cost: float = Field(0.1, ge=0, le=1000, description="true reward: minus this a step for each drone under way")
+    step_cost: float = Field(0.1, ge=0, le=1000, description="true reward: minus this per step and drone under way")
     features: DroneFeatureSettings = DroneFeatureSettings()
 
     @property

@@ -80,7 +80,7 @@ class ActorCritic(NamedTuple):
     targets: Tensor
 
     def on(self, device: str) -> "ActorCritic":
-        """The same on ``device``."""
+        """The same networks on ``device``."""
         return ActorCritic(self.actor.on(device), self.critics.on(device), self.targets.to(device))
 
 
@@ -115,21 +115,21 @@ class SacPlanner:
     hidden: int = 128
     """Units of each of the two hidden layers of every network."""
     steps: int = 150
-    """Gradient steps a search."""
+    """Gradient steps per search."""
     first_steps: int = 600
     """Gradient steps of a search that starts from nothing."""
     batch: int = 128
-    """Transitions a gradient step."""
+    """Transitions per gradient step."""
     capacity: int = 30_000
     """Transitions of rollouts that are kept, and as many of demonstrations."""
     rollouts: int = 32
     """Trajectories that a search draws from the policy it starts from."""
     learning_rate: float = 1e-3
-    """Of the first search; see PATIENCE."""
+    """Learning rate of the first search; see PATIENCE."""
     device: str = "cpu"
     """"cpu" or "cuda"."""
     threads: int = 1
-    """Of torch on the CPU; with one, results repeat bit for bit."""
+    """Threads of torch on the CPU; with one, results repeat bit for bit."""
 
     def __post_init__(self) -> None:
         """Raises ExperimentError where the device is missing."""
@@ -168,7 +168,7 @@ class SacPlanner:
         return SacPolicy(networks, ActorCritic(Adam.of(actor), Adam.of(critics), critics), Replay.empty(self.game), 0)
 
     def _random_flights(self, rng: np.random.Generator) -> Trajectories:
-        """Of actions from mu that are held for a while, so that they come around in the room."""
+        """Flights by actions from mu that are held for a while, so that they come around in the room."""
         game, count, length = self.game, RANDOM_ROLLOUTS * self.rollouts, self.game.horizon + 1
         shape = (count, length // HOLD + 1, game.n_experts)
         radius, angle = np.sqrt(rng.random(shape)), rng.uniform(0, 2 * np.pi, size=shape)
@@ -223,7 +223,7 @@ class SacPlanner:
 
     @torch.no_grad()
     def _wanted(self, networks: Networks, learned: ActorCritic, batch: Minibatch) -> Tensor:
-        """y, shape (batch,)."""
+        """y, what the critics are to say of ``batch``, shape (batch,)."""
         later = batch.times + 1
         actions, log_pi = networks.draw(learned.actor.weights, batch.successors, later, batch.noise[:, 0])
         q = networks.q(learned.targets, batch.successors, later, actions).amin(0)

@@ -35,7 +35,7 @@ class DroneSpace:
 
     @property
     def pairs(self) -> list[tuple[int, int]]:
-        """Every two drones."""
+        """Indices of every two drones."""
         return list(combinations(range(self.n_experts), 2))
 
     def grid(self, spacing: float) -> tuple[int, int]:

@@ -29,11 +29,11 @@ class WholeDroneGame(DroneGame):
 
     @property
     def judge(self) -> FlightJudge:
-        """By flights."""
+        """The judge of policies, by their flights."""
         return FlightJudge(self)
 
     def expectation(self, kind: str, count: int) -> SampledDroneOccupancy:  # noqa: ARG002 - there is no other
-        """Means over ``count`` rollouts."""
+        """The estimator of expectations: means over ``count`` rollouts."""
         return SampledDroneOccupancy(self, count)
 
     def linear_reward(self) -> LinearDroneReward:

@@ -10,7 +10,7 @@ from mabirds_core.games.patrol.geometry import MOVE_NAMES, N_MOVES, PatrolGrid
 
 
 class PatrolCostFeatures:
-    """phi(s, a): one indicator an expert and cell (s), pairs sharing a cell (s), pairs swapping cells (s, a).
+    """phi(s, a): one indicator per expert and cell (s), pairs sharing a cell (s), pairs swapping cells (s, a).
 
     K = N_E n + 2; expert by expert, cell by cell, then sharing, then swapping. The last two count ``joint_scale``
     times: experts meet seldom before they have learned to walk, and a larger feature learns faster.
@@ -46,7 +46,7 @@ class PatrolCostFeatures:
 
 
 class PatrolRewardFeatures:
-    """One indicator an expert, cell and move: K = 4 n N_E, moves varying fastest."""
+    """One indicator per expert, cell and move: K = 4 n N_E, moves varying fastest."""
 
     def __init__(self, grid: PatrolGrid) -> None:
         self._grid = grid

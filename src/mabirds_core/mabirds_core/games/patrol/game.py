@@ -42,7 +42,7 @@ class PatrolGame(EnumerableGame):
 
     @cached_property
     def digest(self) -> str:
-        """Of the map's size, the absorbing goals and the horizon: obstacles can be entered, and bind nobody."""
+        """Digest of the map's size, the absorbing goals and the horizon: obstacles can be entered, and bind nobody."""
         return trajectory_digest("patrol", asdict(self.grid), self.horizon)
 
     @property
@@ -67,12 +67,12 @@ class PatrolGame(EnumerableGame):
 
     @cached_property
     def cost_features(self) -> PatrolCostFeatures:
-        """phi: an indicator a cell and expert, pairs sharing, pairs swapping."""
+        """phi: an indicator per cell and expert, pairs sharing, pairs swapping."""
         return PatrolCostFeatures(self.grid, self.settings.joint_scale)
 
     @cached_property
     def reward_features(self) -> PatrolRewardFeatures:
-        """An indicator an expert, cell and move."""
+        """An indicator per expert, cell and move."""
         return PatrolRewardFeatures(self.grid)
 
     @cached_property
@@ -99,7 +99,7 @@ class PatrolGame(EnumerableGame):
 
     @cached_property
     def task_reward(self) -> Array:
-        """-step_cost a step for each expert that has not arrived, shape (S, A)."""
+        """-step_cost per step for each expert that has not arrived, shape (S, A)."""
         waiting = (~self._arrived).sum(axis=0)
         return np.repeat(-self.settings.step_cost * waiting[:, None], self.n_actions, axis=1)
 

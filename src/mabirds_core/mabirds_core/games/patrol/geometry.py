@@ -82,7 +82,7 @@ class PatrolGrid:
         return np.where(absorbing, stay, moved)
 
     def _cells_after(self) -> list[Indices]:
-        """The cell after each joint (s, a), one (S, A) array an expert."""
+        """The cell after each joint (s, a), one (S, A) array per expert."""
         cells, moves = self.cells(np.arange(self.n_states)), self.moves(np.arange(self.n_actions))
         return [
             table[own_cells[:, None], own_moves]

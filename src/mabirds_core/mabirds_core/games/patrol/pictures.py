@@ -42,7 +42,7 @@ def draw_map(
 
 
 def draw_paths(axis: Axes, game: PatrolGame, expert: int, demonstrations: Sequence[Trajectories]) -> None:
-    """One thin line a demonstration, each shifted a little so that all can be seen."""
+    """One thin line per demonstration, each shifted a little so that all can be seen."""
     for offset, shown in zip(np.linspace(-0.25, 0.25, len(demonstrations)), demonstrations, strict=True):
         rows, columns = np.divmod(game.cells(shown.states[0])[expert], game.width)
         axis.plot(columns + offset, rows + offset, color="tab:blue", linewidth=0.8, alpha=0.7)

@@ -33,7 +33,7 @@ class PatrolSettings(Settings):
     horizon: int = Field(ge=1, le=10_000, description="T: trajectories have T + 1 steps")
     discount: float = Field(0.95, gt=0, le=1, description="gamma")
     joint_scale: float = Field(1.0, gt=0, le=1000, description="of the features for sharing and swapping cells")
-    step_cost: float = Field(1.0, ge=0, le=1000, description="true reward: minus this a step for each expert under way")
+    step_cost: float = Field(1.0, ge=0, le=1000, description="true reward: minus this per step and expert under way")
     deadline: int | None = Field(None, ge=0, description="step by which experts arrive; default: the horizon")
 
     @field_validator("map")
@@ -59,7 +59,7 @@ class PatrolSettings(Settings):
             raise ValueError(f"goals {self.goals}: expected a different goal for each expert")
         for start in self.starts:
             if len(start) != self.n_experts or len(set(start)) != self.n_experts:
-                raise ValueError(f"start {start}: expected {self.n_experts} different cells, one an expert")
+                raise ValueError(f"start {start}: expected {self.n_experts} different cells, one per expert")
         self._check_probabilities()
         self._check_size()
         return self

@@ -23,7 +23,7 @@ class EnumerableGame:
 
     @property
     def judge(self: TabularGame) -> ExactJudge:
-        """Rates without sampling."""
+        """The judge of policies, by exact rates without sampling."""
         return ExactJudge(self)
 
     def expectation(self: TabularGame, kind: str, count: int) -> OccupancyEstimator:

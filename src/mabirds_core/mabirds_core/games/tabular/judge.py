@@ -16,13 +16,13 @@ class ExactJudge:
     method: str = "exact: by following the policy's probability mass, not by sampling"
 
     def eval_iterations(self, count: int) -> list[int]:
-        """All: each takes milliseconds."""
+        """Iterations to judge: all, as each takes milliseconds."""
         return list(range(1, count + 1))
 
     def imitation(self, policy: TabularPolicy, seed: int) -> Imitation:  # noqa: ARG002 - nothing is drawn
-        """CVR and SR."""
+        """CVR and SR of a policy, exactly."""
         return exact_imitation(self.game, policy)
 
     def distance(self, policies: Sequence[TabularPolicy], seed: int) -> float:  # noqa: ARG002 - nothing is drawn
-        """Of the occupancy measures."""
+        """Distance of the policies' occupancy measures."""
         return policy_distance(self.game, policies)
