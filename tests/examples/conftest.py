@@ -28,8 +28,9 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def copy_of(package: Path, place: Path) -> Path:
-    """The package's sources elsewhere: building leaves files behind."""
-    for file in (file for file in package.rglob("*") if file.suffix in {".py", ".toml"}):
+    """The package's sources elsewhere: building leaves files behind, and an older build must not be taken for them."""
+    sources = [file for file in package.rglob("*") if file.suffix in {".py", ".toml"}]
+    for file in (file for file in sources if "build" not in file.relative_to(package).parts):
         target = place / file.relative_to(package)
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_bytes(file.read_bytes())

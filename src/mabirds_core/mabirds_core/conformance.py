@@ -139,7 +139,7 @@ def check_planner(planner: Planner, game: Game, reward: RewardModel, seed: int =
     recalled = planner.load_state_dict(memory) if memory else None
     kept, resumed = (planner.plan(theta, omega, before, np.random.default_rng(4)) for before in (first, recalled))
     same = np.array_equal(_followed(game, kept), _followed(game, resumed))
-    _require(same, "recall(remember(policy)): expected it to serve a search as the policy itself does")
+    _require(same, "load_state_dict(state_dict(policy)): expected it to serve a search as the policy does")
 
 
 def _followed(game: Game, policy: Policy) -> Vector:
