@@ -330,7 +330,7 @@ def test_the_largest_parameters_are_accepted(truth: Truth) -> None:
 SCHEDULES: list[tuple[Callable[[EdgeScheduleMessage], Any], str, str]] = [
     (lambda m: spoil(m, digest=DIGEST), "wrong_schedule", "(100000 characters)' is not that of its content"),
     (lambda m: spoil(m, learners=["learner_1", "learner_3"]), "wrong_schedule", "is not that of its content"),
-    (lambda m: spoil(m, sender=[0]), "wrong_shape", "edge_slot, sender and receiver: expected one number an edge"),
+    (lambda m: spoil(m, sender=[0]), "wrong_shape", "edge_slot, sender and receiver: expected one number per edge"),
     (lambda m: spoil(m, sender=[0, 7]), "impossible_schedule", "edge learner number 7 -> learner_1: expected two"),
     (lambda m: spoil(m, edge_slot=[0, 2**32 - 1]), "impossible_schedule", "slot 4294967295, expected less than 1"),
     (lambda m: spoil(m, slots=2**32 - 1), "impossible_schedule", "4294967295 slots: expected at most 100000"),
