@@ -1,4 +1,4 @@
-"""Kinds of games, rewards, planners, methods, schedules and step rules, from whichever package brings them.
+"""Kinds of games, rewards, planners, methods, schedules, mixers and step rules, from any package that brings them.
 
 A package names its kinds as entry points, in one of GROUPS, each pointing to a ``Kind``:
 
@@ -52,7 +52,7 @@ class Kind:
     form: str | None = None
     """Of games: how they can be planned in ("tabular", ...). Of planners: which games they are made for; None: all."""
     check: Callable[..., None] | None = None
-    """Check of planners: ``check(settings, game)`` raises ExperimentError where the two do not fit."""
+    """Of planners: ``check(settings, game)`` raises ExperimentError where the two do not fit."""
     default: bool = False
     """Whether settings that name no kind are of this one."""
 
@@ -146,9 +146,9 @@ def _loaded(point: EntryPoint, package: str) -> tuple[Kind | None, str]:
         return None, f"package {package} cannot load {point.value} ({type(error).__name__}: {error}); mend or remove it"
     if not isinstance(kind, Kind):
         return None, f"package {package}: {point.value} is {type(kind).__name__}, expected a Kind; mend or remove it"
-    field = kind.settings.model_fields.get("kind")
     if point.group == METHODS:  # their settings stand under their names
         return kind, ""
+    field = kind.settings.model_fields.get("kind")
     if field is None or point.name not in get_args(field.annotation):
         words = f"expected a field kind: Literal[{point.name!r}] in {kind.settings.__name__}"
         return None, f"package {package}: {words}; mend or remove it"

@@ -147,10 +147,19 @@ def without_defaults(settings: Settings) -> dict[str, Any]:
     """What a file must say to mean ``settings``, as JSON: the values that differ from their defaults, and all kinds."""
     content = settings.model_dump(mode="json")
     return {
-        name: without_defaults(value) if isinstance(value, Settings) else content[name]
+        name: _written(value, content[name])
         for name, value in settings
         if name in content and (name == "kind" or value != _default(settings, name))
     }
+
+
+def _written(value: Any, as_json: Any) -> Any:
+    """A value in the same form, also where settings stand in a list: an option of theirs may come to be later, too."""
+    if isinstance(value, Settings):
+        return without_defaults(value)
+    if isinstance(value, tuple):
+        return [_written(*pair) for pair in zip(value, as_json, strict=True)]
+    return as_json
 
 
 def _default(settings: Settings, name: str) -> Any:

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 import yaml
 from experiments import SETTINGS, changed
+from pydantic import create_model
 from rooms import ROOM, flight_experiment, flight_settings, room
 
 from mabirds_core.errors import ExperimentError
@@ -15,7 +16,7 @@ from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.lattice import Lattice, moves
 from mabirds_core.games.drones.planner_checks import MAX_VALUES, MOVES
 from mabirds_core.games.drones.planner_settings import LatticeSettings
-from mabirds_core.games.drones.settings import DroneSettings
+from mabirds_core.games.drones.settings import DroneSettings, DroneTask
 from mabirds_core.games.patrol.settings import PatrolSettings
 
 DRONES = Path(__file__).resolve().parents[4] / "ros_ws" / "config" / "drones.yaml"
@@ -100,6 +101,17 @@ def test_what_is_not_made_for_the_game_is_refused_with_what_is(
     message = refusal(write(tmp_path, content))
     assert opening in message
     assert message.endswith(f": the game is {kind}; take one of {CHOICES[kind][name]}")
+
+
+def test_an_option_that_drones_get_later_changes_no_digest() -> None:
+    """Drones and their doors stand in a list of settings."""
+    experiment = flight_experiment()
+    later = create_model("LaterTask", __base__=DroneTask, weight=(float, 1.0))
+    tasks = tuple(later.model_validate(task.model_dump()) for task in experiment.game.drones)
+    game = experiment.game.model_copy(update={"drones": tasks})
+    assert experiment.model_copy(update={"game": game}).digest == experiment.digest
+    heavier = game.model_copy(update={"drones": (tasks[0].model_copy(update={"weight": 2.0}), *tasks[1:])})
+    assert experiment.model_copy(update={"game": heavier}).digest != experiment.digest
 
 
 @pytest.mark.parametrize("policy", ["soft_value_iteration", "soft_q_learning", "lattice", "soft_actor_critic"])
