@@ -114,8 +114,10 @@ def slow_run(file: Path, tmp_path: Path) -> Any:
     process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
     signal.signal(signal.SIGINT, before)
     children = wait_until(lambda: children_of(process))
-    # A node opens its log when ROS is up in it.
-    wait_until(lambda: len(list((tmp_path / "runs" / "latest" / "logs" / "ros").glob("*.log"))) == 3)
+    # A node opens its log when ROS is up in it; the player says when it is ready.
+    logs = tmp_path / "runs" / "latest" / "logs" / "ros"
+    wait_until(lambda: len(list(logs.glob("*.log"))) == 3)
+    wait_until(lambda: any("waiting for learner_1" in log.read_text(encoding="utf-8") for log in logs.glob("*.log")))
     yield process, children
     process.kill()
     process.communicate()
