@@ -20,7 +20,7 @@ def test_twelve_lines_of_python_learn_something() -> None:
     command = [sys.executable, "-c", WITHOUT_ROS + lines]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=280, check=False)
     assert done.returncode == 0, done.stderr
-    rates = re.findall(r"(\w+) Imitation\(violation_rate=([^,]+), success_rate=([^)]+)\)", done.stdout)
+    rates = re.findall(r"(\w+) ImitationMetrics\(violation_rate=([^,]+), success_rate=([^)]+)\)", done.stdout)
     assert [name for name, _, _ in rates] == ["learner_1", "learner_2"]
     assert all(float(violations) < 0.001 and float(success) > 0.999 for _, violations, success in rates)
 

@@ -18,7 +18,7 @@ from rooms import double, random_flights, room
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.metrics import drone_imitation, flight_distance, place_visitation
-from mabirds_core.games.interface import Imitation, TabularGame, Trajectories
+from mabirds_core.games.interface import ImitationMetrics, TabularGame, Trajectories
 from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_core.metrics.metrics import (
     consensus_distance,
@@ -44,7 +44,7 @@ def hurrying(game: TabularGame) -> SoftBellmanPolicy:
     return soft_bellman_policy(game, 2 * game.task_reward - 1.5 * game.violation)
 
 
-def enumerated_imitation(game: PatrolGame, policy: SoftBellmanPolicy | TablePolicy) -> Imitation:
+def enumerated_imitation(game: PatrolGame, policy: SoftBellmanPolicy | TablePolicy) -> ImitationMetrics:
     """CVR and SR trajectory by trajectory, with the slow rules."""
     slow, trajectories = SlowPatrol(game.settings), all_trajectories(game)
     violated = succeeded = 0.0
@@ -54,7 +54,7 @@ def enumerated_imitation(game: PatrolGame, policy: SoftBellmanPolicy | TablePoli
         clean = not any(slow.violates(*pair) for pair in pairs)
         violated += chance * (not clean)
         succeeded += chance * (clean and slow.waiting(pairs[-1][0]) == 0)
-    return Imitation(violated, succeeded)
+    return ImitationMetrics(violated, succeeded)
 
 
 @pytest.mark.parametrize("kind", ["hurrying", "random"])
@@ -109,14 +109,14 @@ def test_sampled_imitation_by_hand() -> None:
     states = [[free, goal, goal], [free, right, right], [free, obstacle, free], [obstacle, free, goal]]
     actions = [[3, 0, 0], [1, 1, 1], [0, 2, 2], [2, 3, 3]]
     found = sampled_imitation(game, Trajectories(np.array(states), np.array(actions)))
-    assert found == Imitation(violation_rate=0.5, success_rate=0.25)
+    assert found == ImitationMetrics(violation_rate=0.5, success_rate=0.25)
 
 
 def test_a_swap_counts_as_violation_though_every_state_is_clean() -> None:
     game = patrol("..", [((0, 0), (0, 1))], ((0, 1), (0, 0)), horizon=1)
     swap, (start, swapped) = 1 * 4 + 3, (0 * 2 + 1, 1 * 2 + 0)
     found = sampled_imitation(game, Trajectories(np.array([[start, swapped]]), np.array([[swap, 0]])))
-    assert found == Imitation(violation_rate=1.0, success_rate=0.0)
+    assert found == ImitationMetrics(violation_rate=1.0, success_rate=0.0)
 
 
 def test_a_constraint_is_learned_where_the_cost_exceeds_the_threshold() -> None:
@@ -190,7 +190,7 @@ def test_drone_imitation_by_hand() -> None:
         [(0.3, 0.6), (0.8, 0.6), (0.3, 0.6)],
     ]
     found = drone_imitation(game, Trajectories(np.array(places), np.zeros((4, 3, 2))))
-    assert found == Imitation(violation_rate=0.5, success_rate=0.25)
+    assert found == ImitationMetrics(violation_rate=0.5, success_rate=0.25)
 
 
 @pytest.mark.parametrize("make", [room, double])

@@ -180,7 +180,7 @@ class Experts(Protocol):
         ...
 
 
-class Imitation(NamedTuple):
+class ImitationMetrics(NamedTuple):
     """How well a policy does what experts do, each in [0, 1].
 
     - CVR, constraint violation rate: probability that a trajectory breaks a true constraint at some step.
@@ -203,7 +203,7 @@ class Judge(Protocol):
         """Which of ``count`` iterations, from 1 on, are judged: always the first and the last."""
         ...
 
-    def imitation(self, policy: Any, seed: int) -> Imitation:
+    def imitation(self, policy: Any, seed: int) -> ImitationMetrics:
         """CVR and SR of a policy; ``seed``: of rollouts, where it takes some."""
         ...
 

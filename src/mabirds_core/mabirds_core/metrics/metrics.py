@@ -13,7 +13,7 @@ import numpy as np
 
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Mask, Vector, weighted_counts
-from mabirds_core.games.interface import Imitation, TabularGame, Trajectories
+from mabirds_core.games.interface import ImitationMetrics, TabularGame, Trajectories
 from mabirds_core.planners.interface import TabularPolicy
 from mabirds_core.planners.occupancy import occupancy_measure
 
@@ -25,7 +25,7 @@ class ConstraintErrors(NamedTuple):
     false_negative_rate: float
 
 
-def exact_imitation(game: TabularGame, policy: TabularPolicy) -> Imitation:
+def exact_imitation(game: TabularGame, policy: TabularPolicy) -> ImitationMetrics:
     """CVR and SR without sampling: the probability mass that stays clean is followed through time."""
     everywhere = np.arange(game.n_states)
     clean = game.initial_distribution
@@ -34,14 +34,14 @@ def exact_imitation(game: TabularGame, policy: TabularPolicy) -> Imitation:
         pairs[game.violation] = 0.0
         clean = weighted_counts(game.successor, pairs, game.n_states)
     # Rounding may carry a probability past 1 by some 1e-15.
-    return Imitation(max(0.0, 1.0 - float(pairs.sum())), min(1.0, float(pairs[game.goal].sum())))
+    return ImitationMetrics(max(0.0, 1.0 - float(pairs.sum())), min(1.0, float(pairs[game.goal].sum())))
 
 
-def sampled_imitation(game: TabularGame, trajectories: Trajectories) -> Imitation:
+def sampled_imitation(game: TabularGame, trajectories: Trajectories) -> ImitationMetrics:
     """CVR and SR as shares of the given trajectories."""
     violated = game.violation[trajectories.states, trajectories.actions].any(axis=1)
     arrived = game.goal[trajectories.states[:, -1]]
-    return Imitation(float(violated.mean()), float((arrived & ~violated).mean()))
+    return ImitationMetrics(float(violated.mean()), float((arrived & ~violated).mean()))
 
 
 def learned_constraints(omega: Vector, threshold: float) -> Mask:

@@ -20,7 +20,7 @@ from mabirds_core.games.drones.metrics import drone_imitation, flight_distance, 
 from mabirds_core.games.drones.planner_settings import SoftActorCriticSettings
 from mabirds_core.games.drones.study import drone_game, flights_of
 from mabirds_core.games.drones.whole_game import WholeDroneGame
-from mabirds_core.games.interface import Imitation, Trajectories
+from mabirds_core.games.interface import ImitationMetrics, Trajectories
 from mabirds_core.metrics.metrics import consensus_distance
 
 FLIGHTS = 2000
@@ -35,7 +35,7 @@ DIGITS = 6
 class Judgement:
     """A learner's policies by iteration, and the flights of the last."""
 
-    imitations: list[Imitation]
+    imitations: list[ImitationMetrics]
     flights: Trajectories
 
 
@@ -48,7 +48,7 @@ class LearnedCase:
     streams: Streams
     history: History
     progress: dict[str, list[Progress]]
-    actors: dict[str, list[Imitation]]
+    actors: dict[str, list[ImitationMetrics]]
     peak_memory: float
     flights: int
 
@@ -78,7 +78,7 @@ def run_case(case: Case, seed: int, flights: int = FLIGHTS) -> list[CaseResult]:
 
 def _learned(case: Case, experiment: Experiment, flights: int) -> LearnedCase:
     game = drone_game(experiment)
-    streams, actors = drawn_streams(experiment, game), defaultdict[str, list[Imitation]](list)
+    streams, actors = drawn_streams(experiment, game), defaultdict[str, list[ImitationMetrics]](list)
     networks = isinstance(experiment.algorithm.policy, SoftActorCriticSettings)
 
     def judge_actor(update: Progress) -> None:  # now, because policies are too large to be kept
@@ -100,7 +100,7 @@ def peak_memory() -> float:
 def _judgement(learned: LearnedCase, name: str) -> Judgement:
     """Judgement of the policies that theta and omega mean."""
     experiment, game, parameters = learned.experiment, learned.game, learned.history[name]
-    policy, imitations = evaluation_policy(experiment, name, game), list[Imitation]()
+    policy, imitations = evaluation_policy(experiment, name, game), list[ImitationMetrics]()
     for updates, known in enumerate(parameters):
         last = updates in {experiment.iterations, len(parameters) - 1}
         flights = flights_of(experiment, game, policy(known), learned.flights if last else learned.flights // 10)
@@ -133,7 +133,7 @@ def _rows(learned: LearnedCase, name: str, judgement: Judgement) -> Iterator[Met
     yield from entries(len(judgement.imitations) - 1, **numbers, **rounded, pillar_dearer=dear_pillars(rounded))
 
 
-def _rates(whose: str, imitations: list[Imitation]) -> Iterator[MetricsRow]:
+def _rates(whose: str, imitations: list[ImitationMetrics]) -> Iterator[MetricsRow]:
     yield from curve(f"{whose}violation_rate", [imitation.violation_rate for imitation in imitations])
     yield from curve(f"{whose}success_rate", [imitation.success_rate for imitation in imitations])
 

@@ -8,7 +8,7 @@ import numpy as np
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.metrics import drone_imitation, flight_distance, place_visitation
 from mabirds_core.games.drones.rollouts import DronePolicy, drone_rollouts
-from mabirds_core.games.interface import Imitation, Trajectories
+from mabirds_core.games.interface import ImitationMetrics, Trajectories
 
 FLIGHTS = 500
 """Flights that judge a policy."""
@@ -32,7 +32,7 @@ class FlightJudge:
         """Flights of a policy, the same for every learner and iteration but for what it decides."""
         return drone_rollouts(self.game, policy, count, np.random.default_rng([seed, FLIGHTS]))
 
-    def imitation(self, policy: DronePolicy, seed: int) -> Imitation:
+    def imitation(self, policy: DronePolicy, seed: int) -> ImitationMetrics:
         """CVR and SR of a policy's flights."""
         return drone_imitation(self.game, self.flights(policy, seed))
 

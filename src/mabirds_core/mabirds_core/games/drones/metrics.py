@@ -6,12 +6,12 @@ import numpy as np
 
 from mabirds_core.arrays import Array, weighted_counts
 from mabirds_core.games.drones.game import DroneGame
-from mabirds_core.games.interface import Imitation, Trajectories
+from mabirds_core.games.interface import ImitationMetrics, Trajectories
 
 
-def drone_imitation(game: DroneGame, flights: Trajectories) -> Imitation:
+def drone_imitation(game: DroneGame, flights: Trajectories) -> ImitationMetrics:
     """CVR and SR of drones as shares of the given flights, each judged by its whole way, not by its steps alone."""
-    return Imitation(float(game.violates(flights).mean()), float(game.succeeds(flights).mean()))
+    return ImitationMetrics(float(game.violates(flights).mean()), float(game.succeeds(flights).mean()))
 
 
 def place_visitation(game: DroneGame, flights: Trajectories, spacing: float = 0.5) -> Array:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from mabirds_core.games.interface import Imitation, TabularGame
+from mabirds_core.games.interface import ImitationMetrics, TabularGame
 from mabirds_core.metrics.metrics import exact_imitation, policy_distance
 from mabirds_core.planners.interface import TabularPolicy
 
@@ -19,7 +19,7 @@ class ExactJudge:
         """Iterations to judge: all, as each takes milliseconds."""
         return list(range(1, count + 1))
 
-    def imitation(self, policy: TabularPolicy, seed: int) -> Imitation:  # noqa: ARG002 - nothing is drawn
+    def imitation(self, policy: TabularPolicy, seed: int) -> ImitationMetrics:  # noqa: ARG002 - nothing is drawn
         """CVR and SR of a policy, exactly."""
         return exact_imitation(self.game, policy)
 
