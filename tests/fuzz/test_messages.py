@@ -14,7 +14,7 @@ from mabirds_msgs.msg import EdgeSchedule as EdgeScheduleMessage
 from mabirds_msgs.msg import Parameters as ParametersMessage
 from truth import Truth, bits, disturbed, true_messages, without_forgeries
 
-from mabirds_core.algorithm.parameters import LARGEST, Parameters
+from mabirds_core.algorithm.parameters import MAX_PARAMETER, Parameters
 from mabirds_core.errors import MabirdsError, RefusedMessageError
 from mabirds_core.experiment.assembly import build_learner, build_method
 from mabirds_core.experiment.simulate import simulate_central
@@ -96,7 +96,7 @@ def test_parameters_are_numbers_of_the_right_size_or_refused(truth: Truth, examp
             found = truth.read_parameters("learner_2", message)
             assert bits(found) == (message.theta.tobytes(), message.omega.tobytes())
             assert [one.shape for one in found] == [one.shape for one in like]
-            assert all((np.abs(one) <= LARGEST).all() for one in found)
+            assert all((np.abs(one) <= MAX_PARAMETER).all() for one in found)
         refusal(lambda: arrays(message))
 
     check()
@@ -323,8 +323,8 @@ def test_unfit_parameters_say_what_is_wrong(
 
 
 def test_the_largest_parameters_are_accepted(truth: Truth) -> None:
-    message = with_number(truth.parameters("learner_2", 2), "theta", 0, -LARGEST)
-    assert truth.read_parameters("learner_2", message).theta[0] == -LARGEST
+    message = with_number(truth.parameters("learner_2", 2), "theta", 0, -MAX_PARAMETER)
+    assert truth.read_parameters("learner_2", message).theta[0] == -MAX_PARAMETER
 
 
 SCHEDULES: list[tuple[Callable[[EdgeScheduleMessage], Any], str, str]] = [

@@ -4,8 +4,8 @@ import hashlib
 import json
 from typing import Any
 
-FORMAT = 2
-"""Version of what goes into the digests of experiments and games: another version is not another game."""
+GAME_FORMAT, EXPERIMENT_FORMAT = 2, 3
+"""Versions of what goes into the digests: another version is not another game. Raised where a default changes."""
 
 
 def digest(content: Any) -> str:
@@ -20,13 +20,17 @@ def digest(content: Any) -> str:
 
 def trajectory_digest(kind: str, dynamics: Any, horizon: int) -> str:
     """Digest of what decides a game's trajectories: states, actions and ``dynamics``, over ``horizon`` + 1 steps."""
-    return versioned_digest({"game": kind, "dynamics": dynamics, "horizon": horizon})
+    return _versioned(GAME_FORMAT, {"game": kind, "dynamics": dynamics, "horizon": horizon})
 
 
-def versioned_digest(content: Any) -> str:
-    """The digest of ``content`` after the format's number.
+def experiment_digest(content: Any) -> str:
+    """The digest of an experiment's settings, or of one run of it.
 
-    >>> versioned_digest([])[:6]
-    'v2-4f5'
+    >>> experiment_digest([])[:6]
+    'v3-4f5'
     """
-    return f"v{FORMAT}-{digest(content)}"
+    return _versioned(EXPERIMENT_FORMAT, content)
+
+
+def _versioned(number: int, content: Any) -> str:
+    return f"v{number}-{digest(content)}"

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from mabirds_core.algorithm.gradient import stacked
+from mabirds_core.algorithm.memory import stacked
 from mabirds_core.baselines.interface import CentralMethod, CentralState
 from mabirds_core.games.interface import Trajectories
 from mabirds_learner.inbox import check_iteration

@@ -10,7 +10,7 @@ from mabirds_msgs.msg import EdgeSchedule as EdgeScheduleMessage
 from mabirds_msgs.msg import Parameters as ParametersMessage
 from numpy.typing import NDArray
 
-from mabirds_core.algorithm.parameters import LARGEST, Parameters
+from mabirds_core.algorithm.parameters import MAX_PARAMETER, Parameters
 from mabirds_core.consensus.schedule import EdgeSchedule, End, require_size
 from mabirds_core.consensus.weights import Edge
 from mabirds_core.errors import ImpossibleTrajectoryError, RefusedMessageError, ScheduleError
@@ -115,7 +115,7 @@ def require_sender(message: Any, learner: str, experiment_digest: str, schedule_
 def arrays(message: ParametersMessage) -> Parameters:
     """theta and omega of any sender and of any shapes: for showing. Raises RefusedMessageError for what is no number.
 
-    A learner's own parameters never exceed LARGEST, and no more do means of such.
+    A learner's own parameters never exceed MAX_PARAMETER, and no more do means of such.
     """
     return Parameters(_vector("theta", message.theta), _vector("omega", message.omega))
 
@@ -124,7 +124,7 @@ def _vector(name: str, values: array) -> NDArray[np.float64]:
     vector = np.frombuffer(values, dtype=np.float64).copy()
     for reason, bad, expectation in (
         ("not_finite", ~np.isfinite(vector), "a finite number"),
-        ("too_large", np.abs(vector) > LARGEST, f"at most {LARGEST:g} in absolute value"),
+        ("too_large", np.abs(vector) > MAX_PARAMETER, f"at most {MAX_PARAMETER:g} in absolute value"),
     ):
         if bad.any():
             place = int(np.flatnonzero(bad)[0])

@@ -1,6 +1,7 @@
-"""What the shipped configurations learn in ten iterations, against results that were recorded once.
+"""What configurations with the paper's steps learn in ten iterations, against results that were recorded once.
 
-Written by ``python tests/core/test_recorded_results.py`` when a change of results is meant, and never otherwise.
+``python tests/core/experiment/test_recorded_results.py`` writes them when a change of results is meant, and never
+otherwise.
 """
 
 import hashlib
@@ -19,7 +20,7 @@ from mabirds_core.experiment.simulate import History, simulate
 from mabirds_core.metrics.metrics import norms
 from mabirds_expert_player.recorder import expert_streams
 
-CONFIGURATIONS = Path(__file__).parents[3] / "ros_ws" / "config"
+CONFIGURATIONS = Path(__file__).parent / "recorded" / "configurations"
 RECORD = Path(__file__).parent / "recorded" / "results.json"
 ITERATIONS = 10
 QUICK = {"drones_sac": 2}
@@ -67,7 +68,7 @@ def names() -> list[str]:
 
 
 @pytest.mark.parametrize("name", names())
-def test_every_shipped_configuration_learns_what_it_learned_when_recorded(name: str) -> None:
+def test_every_configuration_learns_what_it_learned_when_recorded(name: str) -> None:
     check(name, QUICK.get(name, ITERATIONS))
 
 

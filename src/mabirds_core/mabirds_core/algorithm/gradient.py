@@ -7,25 +7,61 @@ One policy is found for it, and its expectation is an average over rollouts or t
 Learners and central methods alike descend along it.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal, NamedTuple
 
 import numpy as np
 
-from mabirds_core.algorithm.parameters import Parameters
-from mabirds_core.games.interface import ConstrainedMarkovGame, Trajectories, discounted_visitation
+from mabirds_core.algorithm.memory import Memory, WindowMemory
+from mabirds_core.algorithm.parameters import Parameters, scaled
+from mabirds_core.games.interface import ConstrainedMarkovGame
 from mabirds_core.planners.interface import OccupancyEstimator, Planner, Policy
 from mabirds_core.rewards.models import RewardModel
 
 RolloutStart = Literal["initial", "demonstration"]
 
 
-class GradientEstimate(NamedTuple):
-    """The gradient, and the policy that was found for it."""
+class Counts(NamedTuple):
+    """Are the entries of theta's and of omega's expectations counts, which are never negative?"""
 
-    gradient: Parameters
+    theta: bool
+    omega: bool
+
+
+class GradientEstimate(NamedTuple):
+    """The two sides of the gradient at theta, omega, and the policy that was planned for them.
+
+    Attributes
+    ----------
+    imagined : Parameters
+        E_pi grad J(zeta) and E_pi mu(zeta).
+    observed : Parameters
+        Means of grad J and mu over the demonstrations.
+    policy : Policy
+        pi(omega, theta).
+    counts : Counts
+        Which of them are counts.
+    mass : float
+        N_E sum_t gamma^t: what a feature would count that is active for every expert at every step.
+    window_fill : float
+        Share of the window that is filled; terms with n - i <= 0 are zero.
+    """
+
+    imagined: Parameters
+    observed: Parameters
     policy: Policy
+    counts: Counts
+    mass: float
+    window_fill: float = 1.0
+
+    @property
+    def gradient(self) -> Parameters:
+        """imagined - observed, as far as the window is filled."""
+        return scaled(
+            self.window_fill,
+            Parameters(self.imagined.theta - self.observed.theta, self.imagined.omega - self.observed.omega),
+        )
 
 
 @dataclass(frozen=True)
@@ -40,7 +76,7 @@ class GradientEstimator:
     reward: RewardModel
     planner: Planner
     expectation: OccupancyEstimator
-    rollout_start: RolloutStart = "initial"
+    rollout_start: RolloutStart = "demonstration"
 
     def initial_parameters(self, seed: int) -> Parameters:
         """theta(1) of the reward model, the same for all who share the seed; omega(1) = 0."""
@@ -50,28 +86,48 @@ class GradientEstimator:
     def __call__(
         self,
         parameters: Parameters,
-        demonstrations: Trajectories,
+        memory: Memory,
         rng: np.random.Generator,
         previous: Policy | None = None,
     ) -> GradientEstimate:
-        """The gradient for the mean of ``demonstrations``; ``previous``: the policy to start the search from."""
-        policy = self.planner.plan(*parameters, previous, rng, demonstrations)
-        starts = demonstrations.states[:, 0] if self.rollout_start == "demonstration" else None
-        imagined = self.expectation(policy, rng, starts)
-        observed = discounted_visitation(demonstrations, self.game.discount)
-        grad_j, features = self.reward.gradient, self.game.cost_features
-        return GradientEstimate(
-            Parameters(
-                grad_j(parameters.theta, imagined) - grad_j(parameters.theta, observed),
-                features.total(imagined) - features.total(observed),
-            ),
-            policy,
+        """Estimate the gradient for what was demonstrated.
+
+        Parameters
+        ----------
+        parameters : Parameters
+            theta(n), omega(n).
+        memory : Memory
+            The demonstrations until now, that of iteration n among them.
+        rng : numpy.random.Generator
+            Of rollouts, where the expectation takes some.
+        previous : Policy, optional
+            From which the planner starts.
+
+        Returns
+        -------
+        GradientEstimate
+            Expected and demonstrated counts, and the policy.
+        """
+        policy = self.planner.plan(*parameters, previous, rng, memory.examples)
+        starts = memory.starts if self.rollout_start == "demonstration" else None
+        visitation = self.expectation(policy, rng, starts)
+        imagined = Parameters(
+            self.reward.gradient(parameters.theta, visitation), self.game.cost_features.total(visitation)
         )
+        observed = memory.observed(parameters.theta)
+        return GradientEstimate(imagined, observed, policy, self.counts, self.mass, memory.fill)
 
+    @cached_property
+    def counts(self) -> Counts:
+        """Features that say nothing of their sign may have either."""
+        return Counts(getattr(self.reward, "counts", False), getattr(self.game.cost_features, "nonnegative", False))
 
-def stacked(demonstrations: Sequence[Trajectories]) -> Trajectories:
-    """Several sets of trajectories as one."""
-    return Trajectories(
-        np.concatenate([trajectories.states for trajectories in demonstrations]),
-        np.concatenate([trajectories.actions for trajectories in demonstrations]),
-    )
+    @cached_property
+    def mass(self) -> float:
+        """N_E sum_t gamma^t."""
+        game = self.game
+        return float(game.n_experts * (game.discount ** np.arange(game.horizon + 1)).sum())
+
+    def window(self, length: int) -> WindowMemory:
+        """An empty window of ``length`` iterations."""
+        return WindowMemory(self.game, self.reward, length)

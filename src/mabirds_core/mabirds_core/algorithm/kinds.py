@@ -1,12 +1,19 @@
-"""The entry point of the paper's step rule."""
+"""The entry points of the step rules: each is its own settings."""
 
-from mabirds_core.algorithm.parameters import StepSizes
+from mabirds_core.algorithm.adaptive_steps import AdaptiveSteps
+from mabirds_core.algorithm.paper_steps import PaperSteps
 from mabirds_core.registry import Kind
 
 
-def build_step_sizes(settings: StepSizes) -> StepSizes:
-    """The settings are the rule."""
+def build_adaptive(settings: AdaptiveSteps) -> AdaptiveSteps:
+    """The rule that needs no numbers."""
     return settings
 
 
-PAPER = Kind(StepSizes, build_step_sizes, default=True)
+def build_paper(settings: PaperSteps) -> PaperSteps:
+    """The paper's rule."""
+    return settings
+
+
+ADAPTIVE = Kind(AdaptiveSteps, build_adaptive)
+PAPER = Kind(PaperSteps, build_paper, default=True)

@@ -6,7 +6,8 @@ At iteration n learner v holds theta, omega and
   3. has received theta_u, omega_u of iteration n from its neighbours, and its demonstration zeta(n),
   4. omega <- sum_u W(n)[v,u] omega_u - alpha(n)/l sum_{i<l} ( mean_j mu(zeta^j)     - mu(zeta(n-i)) )
      theta <- sum_u W(n)[v,u] theta_u - beta(n)/l  sum_{i<l} ( mean_j grad J(zeta^j) - grad J(zeta(n-i)) )
-with alpha(n) = abar / n^eta1, beta(n) = bbar / n^eta2; terms with n - i <= 0 are zero.
+with alpha(n) = abar / n^eta1, beta(n) = bbar / n^eta2; terms with n - i <= 0 are zero. That is the paper's step rule;
+``adaptive_steps`` is the default, and ``memory`` has the mean of all demonstrations beside the window of l.
 
 Step 4 is a mixer's: strict as written here, or by push-sum. This one function serves the in-process network and the
 ROS nodes.
@@ -14,27 +15,41 @@ ROS nodes.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from mabirds_core.algorithm.gradient import GradientEstimator, stacked
-from mabirds_core.algorithm.parameters import Parameters, StepSizes
+from mabirds_core.algorithm.gradient import GradientEstimate, GradientEstimator
+from mabirds_core.algorithm.memory import Memory
+from mabirds_core.algorithm.parameters import Parameters, descend
+from mabirds_core.algorithm.steps import RuleState, StepRule
 from mabirds_core.consensus.mixer import AnyMixer, MixerState
 from mabirds_core.games.interface import ConstrainedMarkovGame, Trajectories
 from mabirds_core.planners.interface import Policy
 
 
 class LearnerState(NamedTuple):
-    """A learner before its update n: theta(n), omega(n), and its demonstrations zeta(n-1), ..., zeta(n-l+1).
+    """A learner before its update n.
 
-    ``mixing``: what its mixer knows, theta(n) and omega(n) among it. ``policy``: what it found at iteration n - 1,
-    from which the search at n starts.
+    Attributes
+    ----------
+    iteration : int
+        n.
+    mixing : MixerState
+        What its mixer knows, theta(n) and omega(n) among it.
+    memory : Memory
+        What it keeps of its demonstrations before zeta(n).
+    rule : RuleState
+        What its step rule remembers.
+    policy : Policy, optional
+        The policy of iteration n - 1, from which the planner starts at n.
     """
 
     iteration: int
     mixing: MixerState
-    recent: tuple[Trajectories, ...]
+    memory: Memory
+    rule: RuleState
     policy: Policy | None = None
 
     @property
@@ -44,18 +59,22 @@ class LearnerState(NamedTuple):
 
 
 class LocalGradient(NamedTuple):
-    """The gradient of G at theta(n), omega(n) for the demonstrations of the window, and what iteration n + 1 needs."""
+    """The gradient of G at theta(n), omega(n) for what was demonstrated, and the memory with zeta(n)."""
 
-    gradient: Parameters
-    recent: tuple[Trajectories, ...]
-    policy: Policy
+    estimate: GradientEstimate
+    memory: Memory
 
 
 class StepResult(NamedTuple):
     """The state of iteration n + 1 and the gradient of G that led there."""
 
     state: LearnerState
-    gradient: Parameters
+    estimate: GradientEstimate
+
+    @property
+    def gradient(self) -> Parameters:
+        """grad_theta, grad_omega."""
+        return self.estimate.gradient
 
 
 @dataclass(frozen=True)
@@ -65,8 +84,9 @@ class Learner:
     index: int
     estimator: GradientEstimator
     mixer: AnyMixer
-    steps: StepSizes
-    window: int
+    steps: StepRule
+    memory: Memory
+    """That of iteration 1, which is empty."""
     seed: int
 
     @property
@@ -76,31 +96,27 @@ class Learner:
 
     def initial_state(self) -> LearnerState:
         """Iteration 1: theta(1) of the reward model, the same for every learner; omega(1) = 0."""
-        return LearnerState(1, self.mixer.initial(self.estimator.initial_parameters(self.seed)), ())
+        parameters = self.estimator.initial_parameters(self.seed)
+        return LearnerState(1, self.mixer.initial(parameters), self.memory, self.steps.initial(parameters))
 
     def step(self, state: LearnerState, demonstration: Trajectories, incoming: Mapping[str, Any]) -> StepResult:
         """Iteration n, all four steps.
 
         ``demonstration``: zeta(n). ``incoming``: what in-neighbours of E(n) have sent, by their names, for the mixer.
         """
-        local, n = self.local_gradient(state, demonstration), state.iteration
-
-        def descend(origin: Parameters) -> Parameters:
-            return self.steps.descend(origin, local.gradient, n)
-
-        mixed = self.mixer.mix(self.mixer.incoming(state.mixing, n, incoming), n, descend)
-        return StepResult(LearnerState(n + 1, mixed, local.recent, local.policy), local.gradient)
+        (estimate, memory), n = self.local_gradient(state, demonstration), state.iteration
+        step, rule = self.steps.step(state.rule, estimate, n)
+        mixed = self.mixer.mix(self.mixer.incoming(state.mixing, n, incoming), n, partial(descend, step=step))
+        return StepResult(LearnerState(n + 1, mixed, memory, rule, estimate.policy), estimate)
 
     def local_gradient(self, state: LearnerState, demonstration: Trajectories) -> LocalGradient:
         """Steps 1 to 3, the part of an iteration that needs nobody else.
 
         (1/l) sum_{i<l} ( mean_j grad J(zeta^j) - grad J(zeta(n-i)) ) in theta, and the same of mu in omega.
         """
-        recent = (demonstration, *state.recent)[: self.window]
-        mean, policy = self.estimator(state.parameters, stacked(recent), self._rng(state.iteration), state.policy)
-        window_fill = len(recent) / self.window  # terms with n - i <= 0 are zero
-        gradient = Parameters(window_fill * mean.theta, window_fill * mean.omega)
-        return LocalGradient(gradient, recent[: self.window - 1], policy)
+        memory = state.memory.add(demonstration)
+        estimate = self.estimator(state.parameters, memory, self._rng(state.iteration), state.policy)
+        return LocalGradient(estimate, memory)
 
     def consensus_step(self, state: LearnerState, incoming: Mapping[str, Any]) -> LearnerState:
         """A closing round: theta and omega are mixed as at every iteration, and no step is taken."""

@@ -6,28 +6,28 @@ of the window, and what the planner wants to remember. Generators are not: each 
 """
 
 from collections.abc import Mapping
-from itertools import count, takewhile
 
 import numpy as np
 
 from mabirds_core.algorithm.learner import Learner, LearnerState
-from mabirds_core.algorithm.parameters import LARGEST, Parameters
+from mabirds_core.algorithm.parameters import MAX_PARAMETER, Parameters
+from mabirds_core.algorithm.steps import RuleState
 from mabirds_core.arrays import Array
 from mabirds_core.errors import CheckpointError
 
-MEMORY = "policy."
-"""Prefix of the arrays that the planner remembers."""
+POLICY, RULE = "policy.", "steps."
+"""Prefixes of the arrays that the planner and the step rule remember."""
 
 
 def to_arrays(learner: Learner, state: LearnerState) -> dict[str, Array]:
-    """The state without its iteration number: theta, omega, recent.K.states, recent.K.actions, policy.NAME, mixer's."""
+    """The state without its iteration number: theta, omega, steps.NAME, policy.NAME, the mixer's and the memory's."""
     own = {"theta": state.parameters.theta, "omega": state.parameters.omega}
     arrays = {**own, **learner.mixer.to_arrays(state.mixing)}
-    for number, trajectory in enumerate(state.recent):
-        arrays |= dict(zip(_names(number), learner.game.encode(trajectory), strict=True))
+    arrays |= state.memory.to_arrays()
+    arrays |= {f"{RULE}{name}": values for name, values in state.rule.items()}
     if state.policy is not None:
-        memory = learner.estimator.planner.state_dict(state.policy)
-        arrays |= {f"{MEMORY}{name}": values for name, values in memory.items()}
+        planned = learner.estimator.planner.state_dict(state.policy)
+        arrays |= {f"{POLICY}{name}": values for name, values in planned.items()}
     return arrays
 
 
@@ -36,12 +36,25 @@ def from_arrays(learner: Learner, iteration: int, arrays: Mapping[str, Array]) -
 
     Raises MabirdsError where the arrays do not fit the learner's game and settings.
     """
-    recorded = takewhile(lambda names: set(names) <= arrays.keys(), map(_names, count()))
-    recent = tuple(learner.game.decode(*(arrays[name] for name in names)) for names in recorded)
-    memory = {name.removeprefix(MEMORY): values for name, values in arrays.items() if name.startswith(MEMORY)}
-    policy = learner.estimator.planner.load_state_dict(memory) if memory else None
-    mixing = learner.mixer.from_arrays(parameters_of(learner, arrays), arrays)
-    return LearnerState(iteration, mixing, recent, policy)
+    parameters, planned = parameters_of(learner, arrays), _of(POLICY, arrays)
+    policy = learner.estimator.planner.load_state_dict(planned) if planned else None
+    mixing = learner.mixer.from_arrays(parameters, arrays)
+    return LearnerState(iteration, mixing, learner.memory.from_arrays(arrays), _rule_of(learner, arrays), policy)
+
+
+def _of(prefix: str, arrays: Mapping[str, Array]) -> dict[str, Array]:
+    return {name.removeprefix(prefix): values for name, values in arrays.items() if name.startswith(prefix)}
+
+
+def _rule_of(learner: Learner, arrays: Mapping[str, Array]) -> RuleState:
+    """What the step rule remembered; raises CheckpointError where it is of another rule or no finite number."""
+    like = learner.steps.initial(learner.estimator.initial_parameters(learner.seed))
+    rule = _of(RULE, arrays)
+    if {name: values.shape for name, values in rule.items()} != {name: values.shape for name, values in like.items()}:
+        raise CheckpointError(f"steps: expected arrays {sorted(like)} of the step rule, found {sorted(rule)}")
+    if not all(np.isfinite(values).all() for values in rule.values()):
+        raise CheckpointError("steps: expected finite numbers")
+    return rule
 
 
 def parameters_of(learner: Learner, arrays: Mapping[str, Array]) -> Parameters:
@@ -49,11 +62,6 @@ def parameters_of(learner: Learner, arrays: Mapping[str, Array]) -> Parameters:
     like = learner.estimator.initial_parameters(learner.seed)
     found = Parameters(*(arrays.get(name, np.empty(0)) for name in Parameters._fields))
     for name, values, expected in zip(Parameters._fields, found, like, strict=True):
-        if values.shape != expected.shape or not (np.abs(values) <= LARGEST).all():
-            raise CheckpointError(f"{name}: expected {expected.size} numbers of at most {LARGEST:g}")
+        if values.shape != expected.shape or not (np.abs(values) <= MAX_PARAMETER).all():
+            raise CheckpointError(f"{name}: expected {expected.size} numbers of at most {MAX_PARAMETER:g}")
     return found
-
-
-def _names(number: int) -> tuple[str, str]:
-    """Where the demonstration that is ``number`` iterations older than the newest is kept."""
-    return f"recent.{number}.states", f"recent.{number}.actions"

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mabirds_core.algorithm.gradient import GradientEstimator, stacked
-from mabirds_core.algorithm.parameters import Parameters, StepSizes
+from mabirds_core.algorithm.gradient import GradientEstimator
+from mabirds_core.algorithm.parameters import descend
+from mabirds_core.algorithm.steps import StepRule
 from mabirds_core.baselines.interface import CentralState, first_state
 from mabirds_core.games.interface import Trajectories
 
@@ -24,7 +25,7 @@ class Dlm:
     """``window``: l. ``tolerance``: of the inner problem, in discounted counts. ``most_steps``: of the inner loop."""
 
     estimator: GradientEstimator
-    steps: StepSizes
+    steps: StepRule
     window: int
     tolerance: float
     most_steps: int
@@ -32,20 +33,24 @@ class Dlm:
 
     def initial_state(self) -> CentralState:
         """theta(1) of the reward model, omega(1) = 0."""
-        return first_state(self.estimator, self.seed)
+        return first_state(self.estimator, self.steps, self.estimator.window(self.window), self.seed)
 
     def update(self, state: CentralState, demonstrations: Trajectories) -> CentralState:
-        """The inner problem to its tolerance, then one step of theta."""
-        n, rng = state.iteration, np.random.default_rng([self.seed, state.iteration])
-        recent = (demonstrations, *state.seen)[: self.window]
-        observed, parameters, policy = stacked(recent), state.parameters, state.policy
+        """The inner problem to its tolerance, then one step of theta. The inner loop's rule begins anew each time."""
+        n, rng, memory = (
+            state.iteration,
+            np.random.default_rng([self.seed, state.iteration]),
+            state.memory.add(demonstrations),
+        )
+        parameters, policy, inner = state.parameters, state.policy, self.steps.initial(state.parameters)
         for made in range(self.most_steps + 1):
-            gradient, policy = self.estimator(parameters, observed, rng, policy)
-            if made == self.most_steps or np.abs(gradient.omega).max() <= self.tolerance:
+            estimate = self.estimator(parameters, memory, rng, policy)
+            policy = estimate.policy
+            if made == self.most_steps or np.abs(estimate.gradient.omega).max() <= self.tolerance:
                 break
-            inner = Parameters(np.zeros_like(gradient.theta), gradient.omega)
-            parameters = self.steps.descend(parameters, inner, made + 1)
-        outer = Parameters(gradient.theta, np.zeros_like(gradient.omega))
-        parameters = self.steps.descend(parameters, outer, n)
+            step, inner = self.steps.step(inner, estimate, made + 1)
+            parameters = descend(parameters, step._replace(theta=np.zeros_like(step.theta)))
+        step, outer = self.steps.step(state.rule, estimate, n)
+        parameters = descend(parameters, step._replace(omega=np.zeros_like(step.omega)))
         work = state.work.more(made + 1, made + 1)
-        return CentralState(n + 1, parameters, recent[: self.window - 1], policy, work)
+        return CentralState(n + 1, parameters, memory, outer, policy, work)

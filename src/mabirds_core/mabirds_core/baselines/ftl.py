@@ -8,12 +8,14 @@ theta and omega together, until the gradient's largest entry is at most ``tolera
 Step sizes decay over all steps since the beginning. Every step needs a policy of its own.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mabirds_core.algorithm.gradient import GradientEstimator, stacked
-from mabirds_core.algorithm.parameters import Parameters, StepSizes
+from mabirds_core.algorithm.gradient import GradientEstimator
+from mabirds_core.algorithm.memory import WindowMemory
+from mabirds_core.algorithm.parameters import Parameters, descend
+from mabirds_core.algorithm.steps import StepRule
 from mabirds_core.baselines.interface import CentralState, first_state
 from mabirds_core.games.interface import Trajectories
 
@@ -23,25 +25,28 @@ class Ftl:
     """``tolerance``: of the stationary point, in discounted counts. ``most_steps``: per iteration."""
 
     estimator: GradientEstimator
-    steps: StepSizes
+    steps: StepRule
     tolerance: float
     most_steps: int
     seed: int
 
     def initial_state(self) -> CentralState:
         """theta(1) of the reward model, omega(1) = 0."""
-        return first_state(self.estimator, self.seed)
+        return first_state(self.estimator, self.steps, self.estimator.window(0), self.seed)
 
     def update(self, state: CentralState, demonstrations: Trajectories) -> CentralState:
         """Gradient steps on the sum of all losses until it is nearly stationary."""
-        seen, rng = (demonstrations, *state.seen), np.random.default_rng([self.seed, state.iteration])
-        everything, parameters, policy = stacked(seen), state.parameters, state.policy
+        n, rng = state.iteration, np.random.default_rng([self.seed, state.iteration])
+        everything: WindowMemory = replace(state.memory, length=n).add(demonstrations)
+        parameters, policy, rule = state.parameters, state.policy, state.rule
         for made in range(self.most_steps + 1):
-            gradient, policy = self.estimator(parameters, everything, rng, policy)
-            if made == self.most_steps or largest(gradient) <= self.tolerance:
+            estimate = self.estimator(parameters, everything, rng, policy)
+            policy = estimate.policy
+            if made == self.most_steps or largest(estimate.gradient) <= self.tolerance:
                 break
-            parameters = self.steps.descend(parameters, gradient, state.work.gradient_steps + made + 1)
-        return CentralState(state.iteration + 1, parameters, seen, policy, state.work.more(made, made + 1))
+            step, rule = self.steps.step(rule, estimate, state.work.gradient_steps + made + 1)
+            parameters = descend(parameters, step)
+        return CentralState(n + 1, parameters, everything, rule, policy, state.work.more(made, made + 1))
 
 
 def largest(gradient: Parameters) -> float:

@@ -5,7 +5,9 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 from mabirds_core.algorithm.gradient import GradientEstimator
-from mabirds_core.algorithm.parameters import Parameters, StepSizes
+from mabirds_core.algorithm.memory import Memory
+from mabirds_core.algorithm.parameters import Parameters
+from mabirds_core.algorithm.steps import RuleState, StepRule
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.planners.interface import Policy
 from mabirds_core.rewards.models import RewardModel
@@ -25,13 +27,26 @@ class Cost(NamedTuple):
 class CentralState(NamedTuple):
     """A method before its update n.
 
-    ``seen``: the demonstrations of iterations n - 1, n - 2, ..., newest first, each with one row per stream.
-    ``policy``: the last one found, from which the next search starts.
+    Attributes
+    ----------
+    iteration : int
+        n.
+    parameters : Parameters
+        theta(n), omega(n).
+    memory : Any
+        What the method keeps of the demonstrations, each set with one row per stream.
+    rule : RuleState
+        What its step rule remembers.
+    policy : Policy, optional
+        The last one, from which the planner starts next.
+    work : Cost
+        All work since the beginning.
     """
 
     iteration: int
     parameters: Parameters
-    seen: tuple[Trajectories, ...] = ()
+    memory: Any
+    rule: RuleState = {}  # noqa: RUF012 - never changed
     policy: Policy | None = None
     work: Cost = Cost()
 
@@ -48,9 +63,10 @@ class CentralMethod(Protocol):
         ...
 
 
-def first_state(estimator: GradientEstimator, seed: int) -> CentralState:
+def first_state(estimator: GradientEstimator, steps: StepRule, memory: Memory, seed: int) -> CentralState:
     """Iteration 1 with the parameters that learners of the network begin with."""
-    return CentralState(1, estimator.initial_parameters(seed))
+    parameters = estimator.initial_parameters(seed)
+    return CentralState(1, parameters, memory, steps.initial(parameters))
 
 
 @dataclass(frozen=True)
@@ -62,7 +78,7 @@ class MethodParts:
     """r_theta as learners have it."""
     estimator: Callable[[RewardModel], GradientEstimator]
     """How learners estimate gradients, for a reward model."""
-    steps: StepSizes
-    window: int
-    """l: demonstrations in a gradient."""
+    steps: StepRule
+    memory: Callable[[RewardModel], Memory]
+    """The algorithm's empty memory, for a reward model."""
     seed: int

@@ -17,7 +17,7 @@ from mabirds_core.registry import Kind
 
 def build_bics(settings: BicsSettings, parts: MethodParts) -> Bics:  # noqa: ARG001 - there is nothing to set
     """The single loop with one central learner."""
-    return Bics(parts.estimator(parts.reward), parts.steps, parts.window, parts.seed)
+    return Bics(parts.estimator(parts.reward), parts.steps, parts.memory(parts.reward), parts.seed)
 
 
 def build_ftl(settings: FtlSettings, parts: MethodParts) -> Ftl:
@@ -39,7 +39,8 @@ def build_me_greedy(settings: MeGreedySettings, parts: MethodParts) -> MeGreedy:
 
 def build_me_gradient(settings: MeGradientSettings, parts: MethodParts) -> Bics:
     """BICS with nothing to learn but omega."""
-    return Bics(parts.estimator(parts.game.true_reward()), settings.steps or parts.steps, parts.window, parts.seed)
+    reward = parts.game.true_reward()
+    return Bics(parts.estimator(reward), settings.steps or parts.steps, parts.memory(reward), parts.seed)
 
 
 BICS = Kind(BicsSettings, build_bics)

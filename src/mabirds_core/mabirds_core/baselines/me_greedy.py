@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mabirds_core.algorithm.gradient import stacked
+from mabirds_core.algorithm.memory import stacked
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Mask, Vector
 from mabirds_core.baselines.interface import CentralState
@@ -33,11 +33,11 @@ class MeGreedy:
 
     def initial_state(self) -> CentralState:
         """The state before the first demonstration: no constraint is inferred yet."""
-        return CentralState(1, Parameters(np.zeros(0), np.zeros(len(self.game.cost_features.names))))
+        return CentralState(1, Parameters(np.zeros(0), np.zeros(len(self.game.cost_features.names))), ())
 
     def update(self, state: CentralState, demonstrations: Trajectories) -> CentralState:
         """Withdraw what the demonstrations break, then add at most one constraint."""
-        seen = (demonstrations, *state.seen)
+        seen = (demonstrations, *state.memory)
         broken = broken_features(self.game, stacked(seen))
         learned = (state.parameters.omega < 0) & ~broken
         policy = self._policy(learned)
@@ -46,7 +46,7 @@ class MeGreedy:
         if masses[best] >= self.least_mass:
             learned[best] = True
         parameters = Parameters(state.parameters.theta, -learned.astype(np.float64))
-        return CentralState(state.iteration + 1, parameters, seen, policy, state.work.more(0, 1))
+        return CentralState(state.iteration + 1, parameters, seen, policy=policy, work=state.work.more(0, 1))
 
     def policy(self, parameters: Parameters) -> TabularPolicy:
         """The maximum-entropy policy that breaks no learned constraint."""

@@ -2,7 +2,7 @@
 
 from pydantic import Field
 
-from mabirds_core.algorithm.parameters import StepSizes
+from mabirds_core.algorithm.paper_steps import PaperSteps
 from mabirds_core.settings import Settings
 
 
@@ -13,7 +13,7 @@ class BicsSettings(Settings):
 class FtlSettings(Settings):
     """Follow the leader."""
 
-    steps: StepSizes | None = Field(None, description="step sizes; default: the algorithm's")
+    steps: PaperSteps | None = Field(None, description="the paper's steps; default: the algorithm's rule")
     tolerance: float = Field(0.3, gt=0, description="largest entry of a gradient that counts as stationary")
     most_steps: int = Field(50, ge=1, le=100_000, description="gradient steps per iteration")
 
@@ -21,7 +21,7 @@ class FtlSettings(Settings):
 class DlmSettings(Settings):
     """The double loop."""
 
-    steps: StepSizes | None = Field(None, description="step sizes; default: the algorithm's")
+    steps: PaperSteps | None = Field(None, description="the paper's steps; default: the algorithm's rule")
     tolerance: float = Field(0.5, gt=0, description="largest entry of the inner gradient that counts as solved")
     most_steps: int = Field(50, ge=1, le=100_000, description="inner steps per iteration")
     window: int = Field(10, ge=1, le=1000, description="l: iterations whose demonstrations make a loss")
@@ -36,4 +36,4 @@ class MeGreedySettings(Settings):
 class MeGradientSettings(Settings):
     """Maximum-entropy constraint inference by gradient with the true reward given."""
 
-    steps: StepSizes | None = Field(None, description="step sizes; default: the algorithm's")
+    steps: PaperSteps | None = Field(None, description="the paper's steps; default: the algorithm's rule")

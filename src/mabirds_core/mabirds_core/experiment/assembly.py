@@ -2,12 +2,13 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from mabirds_core.algorithm.gradient import GradientEstimator
 from mabirds_core.algorithm.learner import Learner
+from mabirds_core.algorithm.memory import Memory, RunningMean, WindowMemory
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.baselines.interface import CentralMethod, MethodParts
 from mabirds_core.errors import ExperimentError
@@ -15,7 +16,7 @@ from mabirds_core.experiment.file import Experiment
 from mabirds_core.games.interface import Game
 from mabirds_core.planners.interface import Policy
 from mabirds_core.registry import METHODS, build, kind_of, kinds, require
-from mabirds_core.rewards.models import RewardModel
+from mabirds_core.rewards.models import RewardModel, SummableReward
 
 
 def build_game(experiment: Experiment) -> Game:
@@ -36,21 +37,35 @@ def build_learner(experiment: Experiment, name: str, game: Game | None = None) -
     Raises ExperimentError where the experiment has no such learner.
     """
     game = game or build_game(experiment)
+    reward = build_reward(experiment, game)
     return Learner(
         index=experiment.index_of(name),
-        estimator=build_estimator(experiment, game, build_reward(experiment, game)),
+        estimator=build_estimator(experiment, game, reward),
         mixer=build("mabirds.mixers", experiment.mixing, name, experiment.edge_schedule),
         steps=build("mabirds.step_rules", experiment.algorithm.steps),
-        window=experiment.algorithm.window,
+        memory=build_memory(experiment, game, reward),
         seed=experiment.seed,
     )
+
+
+def build_memory(experiment: Experiment, game: Game, reward: RewardModel) -> Memory:
+    """What a learner keeps of its demonstrations, empty; raises ExperimentError where the reward needs a window."""
+    window = experiment.algorithm.window
+    if window != "all":
+        return WindowMemory(game, reward, window)
+    if not hasattr(reward, "gradient_of_total"):
+        raise ExperimentError(
+            f"algorithm.window all: the gradient of reward {experiment.algorithm.reward.kind} needs the demonstrations"
+            " themselves, not their feature counts; give the length of a window, such as 20"
+        )
+    return RunningMean.empty(game, cast("SummableReward", reward))
 
 
 def build_estimator(experiment: Experiment, game: Game, reward: RewardModel) -> GradientEstimator:
     """How learners of the experiment estimate the gradient, for a reward model."""
     algorithm = experiment.algorithm
     planner = build("mabirds.planners", algorithm.policy, game, reward)
-    expectation = game.expectation(algorithm.expectation, algorithm.rollouts)
+    expectation = game.expectation(algorithm.expectation or game.expectations[0], algorithm.rollouts)
     return GradientEstimator(game, reward, planner, expectation, algorithm.rollout_start)
 
 
@@ -74,7 +89,7 @@ def build_method(experiment: Experiment, name: str, game: Game | None = None) ->
         reward=build_reward(experiment, game),
         estimator=partial(build_estimator, experiment, game),
         steps=build("mabirds.step_rules", algorithm.steps),
-        window=algorithm.window,
+        memory=partial(build_memory, experiment, game),
         seed=experiment.seed,
     )
     method: CentralMethod = kind.build(getattr(experiment.baselines, name), parts)

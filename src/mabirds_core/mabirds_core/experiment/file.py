@@ -11,7 +11,7 @@ from pydantic import Field, ValidationError, model_validator
 from mabirds_core.consensus.schedule import EdgeSchedule, validate
 from mabirds_core.consensus.schedule_settings import LearnerName
 from mabirds_core.consensus.strict import StrictMixing
-from mabirds_core.digest import versioned_digest
+from mabirds_core.digest import experiment_digest
 from mabirds_core.errors import ExperimentError, MabirdsError
 from mabirds_core.experiment.learning_settings import AlgorithmSettings, BaselineSettings
 from mabirds_core.planners.settings import check_rollouts
@@ -100,7 +100,7 @@ class Experiment(Settings):
         game, planner = build(GAMES, self.game), kind_of(PLANNERS, self.algorithm.policy)
         fitting = {
             "algorithm.policy.kind": planners_for(kind_of(GAMES, self.game).form),
-            "algorithm.expectation": game.expectations,
+            "algorithm.expectation": (None, *game.expectations),
             "demonstrations.experts": game.expert_kinds or (self.demonstrations.experts,),
         }
         for name, choices in fitting.items():
@@ -131,11 +131,11 @@ class Experiment(Settings):
         """
         deciding = ("game", "algorithm", "learners", "mixing", "iterations", "closing_rounds", "seed")
         content = without_defaults(self)
-        return versioned_digest({name: content[name] for name in deciding if name in content})
+        return experiment_digest({name: content[name] for name in deciding if name in content})
 
     def run_digest(self, run: str) -> str:
         """Digest of one run of the experiment: two networks in one ROS domain are told apart by ``run``."""
-        return versioned_digest([self.digest, run]) if run else self.digest
+        return experiment_digest([self.digest, run]) if run else self.digest
 
 
 def planners_for(form: str | None) -> tuple[str, ...]:

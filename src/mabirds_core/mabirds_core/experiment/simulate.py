@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from time import perf_counter
 from typing import Any, NamedTuple, Protocol
 
-from mabirds_core.algorithm.gradient import stacked
 from mabirds_core.algorithm.learner import Learner, LearnerState
+from mabirds_core.algorithm.memory import stacked
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.baselines.interface import CentralMethod, CentralState, Cost
 from mabirds_core.errors import ExperimentError

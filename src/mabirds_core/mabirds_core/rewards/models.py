@@ -27,6 +27,23 @@ class RewardModel(Protocol):
         ...
 
 
+class SummableReward(RewardModel, Protocol):
+    """A reward model whose gradient hangs on totals of features alone, so that a mean of demonstrations suffices."""
+
+    @property
+    def total_size(self) -> int:
+        """K_f: length of the totals."""
+        ...
+
+    def total(self, visitation: Visitation) -> Vector:
+        """sum_k weights[k] f(states[k], actions[k]), shape (K_f,)."""
+        ...
+
+    def gradient_of_total(self, theta: Vector, total: Vector) -> Vector:
+        """grad J at theta for such a total, shape (size,)."""
+        ...
+
+
 class TabularRewardModel(RewardModel, Protocol):
     """Rewards of a tabular game."""
 
@@ -56,13 +73,34 @@ class LinearModel:
         """Zeros, shape (size,): every policy looks alike."""
         return np.zeros(len(self.features.names))
 
+    @property
+    def counts(self: OfFeatures) -> bool:
+        """Are its gradients counts, which are never negative?"""
+        return bool(getattr(self.features, "nonnegative", False))
+
+    @property
+    def total_size(self: OfFeatures) -> int:
+        """Number of reward features."""
+        return len(self.features.names)
+
+    def total(self: OfFeatures, visitation: Visitation) -> Vector:
+        """The visitation's total of the features, shape (size,)."""
+        return self.features.total(visitation)
+
     def gradient(self: OfFeatures, theta: Vector, visitation: Visitation) -> Vector:  # noqa: ARG002 - linear in theta
         """The visitation's total of the features, shape (size,)."""
         return self.features.total(visitation)
 
+    def gradient_of_total(self: OfFeatures, theta: Vector, total: Vector) -> Vector:  # noqa: ARG002 - linear in theta
+        """The total itself, shape (size,)."""
+        return total
+
 
 class FixedModel:
     """A reward with nothing to learn: theta is empty."""
+
+    counts = True
+    total_size = 0
 
     @property
     def size(self) -> int:
@@ -76,6 +114,14 @@ class FixedModel:
     def gradient(self, theta: Vector, visitation: Visitation) -> Vector:  # noqa: ARG002 - no parameters
         """No numbers, shape (0,)."""
         return np.zeros(0)
+
+    def total(self, visitation: Visitation) -> Vector:  # noqa: ARG002 - no parameters
+        """No numbers, shape (0,)."""
+        return np.zeros(0)
+
+    def gradient_of_total(self, theta: Vector, total: Vector) -> Vector:  # noqa: ARG002 - no parameters
+        """No numbers, shape (0,)."""
+        return total
 
 
 @dataclass(frozen=True)
@@ -117,6 +163,7 @@ class NeuralReward:
     bound: float
     """C."""
     n_experts: int
+    counts = False
 
     @cached_property
     def _x(self) -> Array:
@@ -149,12 +196,25 @@ class NeuralReward:
         """r_theta(s, a), shape (S, A)."""
         return self.features.table(self.weights(theta))
 
+    @property
+    def total_size(self) -> int:
+        """Number of the features that are weighed."""
+        return len(self._x)
+
+    def total(self, visitation: Visitation) -> Vector:
+        """The visitation's total of the features, shape (K,)."""
+        return self.features.total(visitation)
+
     def gradient(self, theta: Vector, visitation: Visitation) -> Vector:
         """Backwards through the network from the visitation's total of the features, shape (size,)."""
+        return self.gradient_of_total(theta, self.total(visitation))
+
+    def gradient_of_total(self, theta: Vector, total: Vector) -> Vector:
+        """Backwards through the network from a total of the features, shape (size,)."""
         layers = self._layers(theta)
         active = self._activations(layers)
         slope = 1 - np.tanh(active @ np.tanh(layers.outputs)) ** 2
-        of_output = self.bound / self.n_experts * self.features.total(visitation) * slope
+        of_output = self.bound / self.n_experts * total * slope
         of_hidden = of_output[:, None] * np.tanh(layers.outputs) * (1 - active**2)
         of_outputs = (of_output @ active) * (1 - np.tanh(layers.outputs) ** 2)
         return np.concatenate([(of_hidden.T @ self._x).ravel(), of_hidden.sum(axis=0), of_outputs])

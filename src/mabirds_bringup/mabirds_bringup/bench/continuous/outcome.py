@@ -10,7 +10,7 @@ import numpy as np
 from mabirds_bringup.bench.cases import Case
 from mabirds_bringup.bench.learning import Streams, drawn_streams, learn
 from mabirds_bringup.bench.results import CaseResult, MetricsRow, curve, entries
-from mabirds_core.algorithm.gradient import stacked
+from mabirds_core.algorithm.memory import stacked
 from mabirds_core.arrays import Array, Mask, Vector
 from mabirds_core.experiment.assembly import evaluation_policy
 from mabirds_core.experiment.file import Experiment

@@ -16,6 +16,8 @@ class PatrolCostFeatures:
     times: experts meet seldom before they have learned to walk, and a larger feature learns faster.
     """
 
+    nonnegative = True
+
     def __init__(self, grid: PatrolGrid, joint_scale: float) -> None:
         self._grid, self._joint_scale = grid, joint_scale
         cells = [divmod(cell, grid.width) for cell in range(grid.n_cells)]
@@ -47,6 +49,8 @@ class PatrolCostFeatures:
 
 class PatrolRewardFeatures:
     """One indicator per expert, cell and move: K = 4 n N_E, moves varying fastest."""
+
+    nonnegative = True
 
     def __init__(self, grid: PatrolGrid) -> None:
         self._grid = grid

@@ -18,7 +18,7 @@ from mabirds_core.rewards.models import LinearReward, NeuralReward, TabularRewar
 class EnumerableGame:
     """Base of tabular games: ``interface.Game`` for whatever implements ``interface.TabularGame``."""
 
-    expectations = ("sampled", "exact")
+    expectations = ("exact", "sampled")
     expert_kinds = tuple(KINDS)
 
     @property

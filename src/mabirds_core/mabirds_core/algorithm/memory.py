@@ -1,0 +1,226 @@
+"""What a learner keeps of its demonstrations: the newest l of them, or the mean of all.
+
+    observed(n) = (1/l) sum_{i<l} grad J(zeta(n-i))            a window of l, as the paper has it
+    observed(n) = (1/n) sum_{i<=n} grad J(zeta(i))             the running mean: ``window: all``
+
+The running mean keeps sums of feature counts and the starts, nothing else: its size does not grow with n.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import count, takewhile
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from mabirds_core.algorithm.parameters import Parameters
+from mabirds_core.arrays import Array, Indices, Vector
+from mabirds_core.errors import CheckpointError
+from mabirds_core.games.interface import ConstrainedMarkovGame, Steps, Trajectories, discounted_visitation
+from mabirds_core.rewards.models import RewardModel, SummableReward
+
+MAX_STARTS = 1024
+"""Different starts that a running mean keeps, at most: the newest."""
+
+
+class Memory(Protocol):
+    """What was demonstrated until now. Never changed: ``add`` makes a new one."""
+
+    @property
+    def examples(self) -> Trajectories | None:
+        """Demonstrations at hand, for planners that learn from examples."""
+        ...
+
+    @property
+    def starts(self) -> Steps:
+        """Joint states in which demonstrations began, each as often as it did."""
+        ...
+
+    @property
+    def fill(self) -> float:
+        """Share of the window that is filled: terms with n - i <= 0 are zero."""
+        ...
+
+    def add(self, demonstrations: Trajectories) -> "Memory":
+        """The memory with the demonstrations of the next iteration, one row each."""
+        ...
+
+    def observed(self, theta: Vector) -> Parameters:
+        """Means of grad J at theta and of mu over the demonstrations."""
+        ...
+
+    def to_arrays(self) -> dict[str, Array]:
+        """What a checkpoint must hold for the iterations to come."""
+        ...
+
+    def from_arrays(self, arrays: Mapping[str, Array]) -> "Memory":
+        """The memory again; raises MabirdsError where the arrays do not fit the game."""
+        ...
+
+
+def stacked(demonstrations: tuple[Trajectories, ...] | list[Trajectories]) -> Trajectories:
+    """Several sets of trajectories as one."""
+    return Trajectories(
+        np.concatenate([trajectories.states for trajectories in demonstrations]),
+        np.concatenate([trajectories.actions for trajectories in demonstrations]),
+    )
+
+
+@dataclass(frozen=True)
+class WindowMemory:
+    """The newest ``length`` sets of demonstrations, newest first."""
+
+    game: ConstrainedMarkovGame
+    reward: RewardModel
+    length: int
+    newest: tuple[Trajectories, ...] = ()
+
+    @cached_property
+    def examples(self) -> Trajectories:
+        """All of the window."""
+        return stacked(self.newest)
+
+    @property
+    def starts(self) -> Steps:
+        """Of all of the window."""
+        return self.examples.states[:, 0]
+
+    @property
+    def fill(self) -> float:
+        """How many of the ``length`` terms there are yet."""
+        return len(self.newest) / self.length
+
+    def add(self, demonstrations: Trajectories) -> "WindowMemory":
+        """The oldest makes way."""
+        return WindowMemory(self.game, self.reward, self.length, (demonstrations, *self.newest)[: self.length])
+
+    def observed(self, theta: Vector) -> Parameters:
+        """Means over the window."""
+        visitation = discounted_visitation(self.examples, self.game.discount)
+        return Parameters(self.reward.gradient(theta, visitation), self.game.cost_features.total(visitation))
+
+    def to_arrays(self) -> dict[str, Array]:
+        """recent.K.states, recent.K.actions; not the oldest, which the next one replaces."""
+        arrays = dict[str, Array]()
+        for number, trajectory in enumerate(self.newest[: self.length - 1]):
+            arrays |= dict(zip(_names(number), self.game.encode(trajectory), strict=True))
+        return arrays
+
+    def from_arrays(self, arrays: Mapping[str, Array]) -> "WindowMemory":
+        """As many as there are."""
+        recorded = takewhile(lambda names: set(names) <= arrays.keys(), map(_names, count()))
+        newest = tuple(self.game.decode(*(arrays[name] for name in names)) for names in recorded)
+        return WindowMemory(self.game, self.reward, self.length, newest)
+
+
+def _names(number: int) -> tuple[str, str]:
+    """Where the demonstration that is ``number`` iterations older than the newest is kept."""
+    return f"recent.{number}.states", f"recent.{number}.actions"
+
+
+class Sums(NamedTuple):
+    """Sums over the demonstrations of all iterations.
+
+    Attributes
+    ----------
+    demonstrations : int
+        How many.
+    reward, cost : Vector
+        Discounted counts of the reward features and of the cost features, shapes (K_f,) and (K_omega,).
+    starts : Array
+        Different starts, one per row or entry, in the order in which they came first.
+    start_counts : Indices
+        How often each came, of the same length.
+    """
+
+    demonstrations: int
+    reward: Vector
+    cost: Vector
+    starts: Any
+    start_counts: Indices
+
+
+@dataclass(frozen=True)
+class RunningMean:
+    """The mean of all demonstrations, for rewards whose gradient hangs on feature counts alone."""
+
+    game: ConstrainedMarkovGame
+    reward: SummableReward
+    sums: Sums
+    newest: Trajectories | None = None
+
+    @staticmethod
+    def empty(game: ConstrainedMarkovGame, reward: SummableReward) -> "RunningMean":
+        """The memory before the first demonstration."""
+        nothing = np.zeros(0, dtype=np.int64)
+        sums = Sums(0, np.zeros(reward.total_size), np.zeros(len(game.cost_features.names)), nothing, nothing)
+        return RunningMean(game, reward, sums)
+
+    @property
+    def examples(self) -> Trajectories | None:
+        """The newest; none right after a restart."""
+        return self.newest
+
+    @property
+    def starts(self) -> Steps:
+        """Each as often as it came."""
+        return np.repeat(self.sums.starts, self.sums.start_counts, axis=0)
+
+    @property
+    def fill(self) -> float:
+        """A mean of all is always whole."""
+        return 1.0
+
+    def add(self, demonstrations: Trajectories) -> "RunningMean":
+        """Their counts are added."""
+        rows, visitation = len(demonstrations.states), discounted_visitation(demonstrations, self.game.discount)
+        reward, cost = rows * self.reward.total(visitation), rows * self.game.cost_features.total(visitation)
+        old = self.sums
+        sums = old._replace(demonstrations=old.demonstrations + rows, reward=old.reward + reward, cost=old.cost + cost)
+        return RunningMean(self.game, self.reward, _with_starts(sums, demonstrations.states[:, 0]), demonstrations)
+
+    def observed(self, theta: Vector) -> Parameters:
+        """Means over all demonstrations."""
+        mean = self.sums.reward / self.sums.demonstrations
+        return Parameters(self.reward.gradient_of_total(theta, mean), self.sums.cost / self.sums.demonstrations)
+
+    def to_arrays(self) -> dict[str, Array]:
+        """observed.demonstrations, observed.reward, observed.cost, observed.starts, observed.start_counts."""
+        if self.sums is None:
+            return {}
+        return {
+            f"observed.{name}": np.asarray(values, dtype=np.float64) for name, values in self.sums._asdict().items()
+        }
+
+    def from_arrays(self, arrays: Mapping[str, Array]) -> "RunningMean":
+        """The sums again; the newest demonstration, an example at most, is not kept."""
+        kept = {name: arrays[f"observed.{name}"] for name in Sums._fields if f"observed.{name}" in arrays}
+        if len(kept) < len(Sums._fields):
+            raise CheckpointError(f"observed: expected arrays {list(Sums._fields)}, found {list(kept)}")
+        return RunningMean(self.game, self.reward, _checked_sums(self.game, self.reward, kept))
+
+
+def _with_starts(sums: Sums, begun: Steps) -> Sums:
+    """The sums with more starts; of many different ones only the newest are kept."""
+    starts, counts = list(sums.starts), list(sums.start_counts)
+    for start in begun:
+        same = [k for k, known in enumerate(starts) if np.array_equal(known, start)]
+        if same:
+            counts[same[0]] += 1
+        else:
+            starts, counts = [*starts, start][-MAX_STARTS:], [*counts, 1][-MAX_STARTS:]
+    return sums._replace(starts=np.asarray(starts), start_counts=np.array(counts, dtype=np.int64))
+
+
+def _checked_sums(game: ConstrainedMarkovGame, reward: SummableReward, kept: Mapping[str, Array]) -> Sums:
+    """Sums of a checkpoint; raises CheckpointError for what cannot be such."""
+    counted = {"reward": reward.total_size, "cost": len(game.cost_features.names)}
+    for name, size in counted.items():
+        if kept[name].shape != (size,) or not np.isfinite(kept[name]).all():
+            raise CheckpointError(f"observed.{name}: expected {size} finite numbers")
+    counts, starts = kept["start_counts"], kept["starts"]
+    if kept["demonstrations"].shape != () or counts.ndim != 1 or len(starts) != len(counts) or not (counts >= 1).all():
+        raise CheckpointError("observed.starts: expected as many starts as counts of at least 1")
+    indices = starts.astype(np.int64) if starts.ndim == 1 else starts  # states of tabular games are numbers
+    return Sums(int(kept["demonstrations"]), kept["reward"], kept["cost"], indices, counts.astype(np.int64))

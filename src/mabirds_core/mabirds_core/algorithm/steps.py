@@ -1,0 +1,26 @@
+"""What a step rule is: how long the step down the gradient of iteration n is, coordinate by coordinate.
+
+A rule may remember what it has seen; its memory is arrays by name, which checkpoints hold and learners do not exchange.
+"""
+
+from collections.abc import Mapping
+from typing import Protocol
+
+from mabirds_core.algorithm.gradient import GradientEstimate
+from mabirds_core.algorithm.parameters import Parameters
+from mabirds_core.arrays import Array
+
+RuleState = Mapping[str, Array]
+"""What a rule remembers, by name."""
+
+
+class StepRule(Protocol):
+    """How far a learner goes."""
+
+    def initial(self, parameters: Parameters) -> RuleState:
+        """What is remembered before the first step, for theta and omega of these shapes."""
+        ...
+
+    def step(self, state: RuleState, estimate: GradientEstimate, n: int) -> tuple[Parameters, RuleState]:
+        """What is taken off theta and omega in step n, counted from 1, and what is remembered after it."""
+        ...
