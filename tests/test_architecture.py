@@ -200,7 +200,7 @@ def test_a_circle_of_imports_is_seen() -> None:
     ]
 
 
-GAME_WORDS = re.compile(r"patrol|drone|pillar|pilot", re.IGNORECASE)
+GAME_WORDS = re.compile(r"patrol|drone|arena|pilot", re.IGNORECASE)
 SHIPPED_FILES = re.compile(r"ros_ws/config/\w+\.yaml|--bag bags/\w+")
 """What examples of commands may name."""
 
