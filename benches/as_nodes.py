@@ -22,7 +22,7 @@ from mabirds_core.experiment.assembly import evaluation_policy
 from mabirds_core.experiment.file import load_experiment
 from mabirds_core.experiment.simulate import History, simulate
 from mabirds_core.games.drones.metrics import drone_imitation
-from mabirds_core.games.drones.study import drone_game, flights_of
+from mabirds_core.games.drones.study import drone_game, eval_rollouts
 from mabirds_expert_player.recorder import record
 from mabirds_msgs_py.environment import prepare_environment
 
@@ -49,7 +49,7 @@ def measure(source: Path, seed: int, directory: Path) -> Iterator[dict[str, Any]
     expected = simulate(experiment, drawn_streams(experiment, game))
     for name, parameters in history.items():
         policy = evaluation_policy(experiment, name, game)(parameters[-1])
-        imitation = drone_imitation(game, flights_of(experiment, game, policy, FLIGHTS))
+        imitation = drone_imitation(game, eval_rollouts(experiment, game, policy, FLIGHTS))
         yield {
             "seed": seed,
             "learner": name,

@@ -87,17 +87,17 @@ CIRCLE = {"centre": [1.5, 1.5], "radius": 0.3}
 DRONES: dict[str, Any] = {
     "game": {
         "kind": "drones",
-        "room": [3.0, 3.0],
-        "pillars": [CIRCLE],
+        "arena": [3.0, 3.0],
+        "obstacles": [CIRCLE],
         "drones": [
-            {"start": [x, 0.4], "start_spread": 0.1, "door": {"centre": [3 - x, 2.6], "radius": 0.3}}
+            {"start": [x, 0.4], "start_spread": 0.1, "goal_region": {"centre": [3 - x, 2.6], "radius": 0.3}}
             for x in (0.4, 2.6)
         ],
         "horizon": 18,
     },
     "demonstrations": {"bag": "bag", "per_learner": 6, "period": 1.0, "experts": "pilots"},
 }
-"""A room of 3 m that two drones cross."""
+"""An arena of 3 m that two drones cross."""
 
 PLANNERS: dict[str, dict[str, Any]] = {
     "lattice": {"kind": "lattice", "spacing": 0.5, "temperature": 1.0},

@@ -154,7 +154,7 @@ def test_no_source_file_is_longer_than_can_be_read_in_one_go() -> None:
 def test_sessions_need_no_ros_at_all() -> None:
     absent = {"rclpy", "mabirds_msgs", "builtin_interfaces"}
     hide = f"import sys\nfor name in {sorted(absent)}: sys.modules[name] = None"
-    sessions = ("learner_session", "strict_member", "push_sum_member", "central_session", "checkpoint")
+    sessions = ("learner_session", "strict_member", "push_sum_member", "baseline_session", "checkpoint")
     loaded = loaded_by("\n".join([hide, *(f"import mabirds_learner.{name}" for name in sessions)]))
     assert {root for root in loaded - loaded_by("") if ROS.fullmatch(root)} == absent
 
@@ -200,7 +200,7 @@ def test_a_circle_of_imports_is_seen() -> None:
     ]
 
 
-GAME_WORDS = re.compile(r"patrol|drone|pillar|pilot", re.IGNORECASE)
+GAME_WORDS = re.compile(r"patrol|drone|arena|pilot", re.IGNORECASE)
 SHIPPED_FILES = re.compile(r"ros_ws/config/\w+\.yaml|--bag bags/\w+")
 """What examples of commands may name."""
 

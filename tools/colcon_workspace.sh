@@ -40,8 +40,8 @@ for file in "$share"/launch/experiment.launch.py "$share"/config/{patrol,drones}
   cmp "$file" "ros_ws/${file#"$share/"}"
   echo "$file"
 done
-for program in learner central expert-player; do
-  package=${program/central/learner}
+for program in learner baseline expert-player; do
+  package=${program/baseline/learner}
   package=mabirds_${package/-/_}
   said=$(PATH=$place/bin:$PATH docker/entrypoint.sh "$tree/$package/lib/$package/mabirds-$program" --help)
   echo "$program: ${said%%$'\n'*}"

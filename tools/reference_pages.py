@@ -32,7 +32,7 @@ from mabirds_bringup.run.run_directory import CONTENTS
 from mabirds_bringup.watch.monitor import MonitorNode
 from mabirds_core.experiment.file import Experiment, load_experiment
 from mabirds_expert_player import player_node
-from mabirds_learner import central_node, learner_node
+from mabirds_learner import baseline_node, learner_node
 from mabirds_msgs_py import qos, topics
 from mabirds_msgs_py.bag_writer import BagWriter
 from mabirds_msgs_py.environment import prepare_environment
@@ -71,7 +71,7 @@ def commands_page() -> str:
     sections = [_command_section(path, command) for path, command in _commands("mabirds", get_command(app))]
     helps = {
         "mabirds-learner": learner_node.HELP,
-        "mabirds-central": central_node.HELP,
+        "mabirds-baseline": baseline_node.HELP,
         "mabirds-expert-player": player_node.HELP,
     }
     sections += [f"## {name}\n\n{block(text)}" for name, text in helps.items()]
@@ -233,7 +233,7 @@ def nodes() -> dict[str, Described]:
         create: dict[str, Callable[..., Node]] = {
             "Learner in strict mode": lambda: learner(PATROL),
             "Learner in resilient mode": lambda: learner(resilient),
-            "Central method": lambda: central_node.CentralNode(namespace="/bics", **_of(PATROL, context)),
+            "Central method": lambda: baseline_node.BaselineNode(namespace="/bics", **_of(PATROL, context)),
             "Expert player": lambda: player_node.ExpertPlayerNode(**_of(PATROL, context)),
             "mabirds run": lambda: MonitorNode(load_experiment(PATROL), recording, context=context),
             "mabirds members": lambda: MembershipPublisher(["learner_1", "learner_2"], context=context),

@@ -30,7 +30,7 @@ SETTINGS: dict[str, Any] = {
 
 
 def changed(changes: dict[str, Any], of: dict[str, Any] = SETTINGS) -> dict[str, Any]:
-    """``of`` with some values replaced, named by dotted path: {"game.horizon": 3, "game.pillars.0.radius": 2}."""
+    """``of`` with some values replaced, named by dotted path: {"game.horizon": 3, "game.obstacles.0.radius": 2}."""
     content = deepcopy(of)
     for path, value in changes.items():
         *parents, last = path.split(".")

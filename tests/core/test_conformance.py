@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from arenas import drone_experiment
 from experiments import experiment
 from games import alone, hallway
-from rooms import flight_experiment
 
 from mabirds_core import conformance
 from mabirds_core.arrays import Array, Vector
@@ -43,10 +43,10 @@ def patrol_experiment(changes: dict[str, Any] | None = None) -> Experiment:
     return experiment({"game.map": "...\n...", **(changes or {})})
 
 
-FORMS = {"tabular": patrol_experiment, "drones": flight_experiment}
+FORMS = {"tabular": patrol_experiment, "drones": drone_experiment}
 
 
-@pytest.mark.parametrize("make", [patrol_experiment, flight_experiment], ids=["patrol", "drones"])
+@pytest.mark.parametrize("make", [patrol_experiment, drone_experiment], ids=["patrol", "drones"])
 def test_games_conform(make: Any) -> None:
     conformance.check_game(build_game(make()))
 
@@ -69,7 +69,7 @@ def test_planners_conform(name: str) -> None:
 
 
 @pytest.mark.parametrize("reward", [{"kind": "linear"}, {"kind": "neural", "hidden": 4, "bound": 2.0}], ids=str)
-@pytest.mark.parametrize("make", [patrol_experiment, flight_experiment], ids=["patrol", "drones"])
+@pytest.mark.parametrize("make", [patrol_experiment, drone_experiment], ids=["patrol", "drones"])
 def test_rewards_conform(make: Any, reward: dict[str, Any]) -> None:
     of = make({"algorithm.reward": reward})
     game = build_game(of)

@@ -16,7 +16,7 @@ def play(stream: Stream, now: float) -> int:
 
 
 def test_nothing_is_open_before_the_learner_speaks() -> None:
-    stream = Stream(total=5, window=3)
+    stream = Stream(total=5, max_in_flight=3)
     assert (stream.sent, stream.acknowledged, stream.open) == (0, 0, False)
     assert stream.due_at(constant) == 0.0, "at once"
     stream.acknowledge(0)
@@ -24,7 +24,7 @@ def test_nothing_is_open_before_the_learner_speaks() -> None:
 
 
 def test_never_more_than_the_window_ahead() -> None:
-    stream = Stream(total=10, window=3)
+    stream = Stream(total=10, max_in_flight=3)
     stream.acknowledge(0)
     while stream.open:
         play(stream, now=100.0)
@@ -36,7 +36,7 @@ def test_never_more_than_the_window_ahead() -> None:
 
 
 def test_it_is_finished_once_all_is_acknowledged_not_once_all_is_sent() -> None:
-    stream = Stream(total=2, window=5)
+    stream = Stream(total=2, max_in_flight=5)
     stream.acknowledge(0)
     assert [play(stream, 0.0), play(stream, 1.0)] == [1, 2]
     assert (stream.finished, stream.held_back, stream.open) == (False, False, False)
@@ -45,7 +45,7 @@ def test_it_is_finished_once_all_is_acknowledged_not_once_all_is_sent() -> None:
 
 
 def test_what_is_sent_in_full_is_not_held_back() -> None:
-    stream = Stream(total=3, window=3)
+    stream = Stream(total=3, max_in_flight=3)
     stream.acknowledge(0)
     for now in (0.0, 1.0, 2.0):
         assert stream.open
@@ -54,7 +54,7 @@ def test_what_is_sent_in_full_is_not_held_back() -> None:
 
 
 def test_a_learner_that_begins_anew_gets_everything_again() -> None:
-    stream = Stream(total=9, window=3)
+    stream = Stream(total=9, max_in_flight=3)
     stream.acknowledge(7)
     stream.acknowledge(0)
     assert stream.held_back
@@ -62,13 +62,13 @@ def test_a_learner_that_begins_anew_gets_everything_again() -> None:
 
 
 def test_a_restarted_player_takes_up_after_what_is_learned() -> None:
-    stream = Stream(total=9, window=3)
+    stream = Stream(total=9, max_in_flight=3)
     stream.acknowledge(4)
     assert play(stream, 0.0) == 5
 
 
 def test_small_lateness_is_made_up_for_and_long_delays_are_not() -> None:
-    stream = Stream(total=9, window=9)
+    stream = Stream(total=9, max_in_flight=9)
     stream.acknowledge(0)
     play(stream, now=10.0)
     play(stream, now=11.0 + JITTER_TOLERANCE / 2)
@@ -78,7 +78,7 @@ def test_small_lateness_is_made_up_for_and_long_delays_are_not() -> None:
 
 
 def test_a_demonstration_is_late_only_past_what_timers_have() -> None:
-    stream = Stream(total=9, window=9)
+    stream = Stream(total=9, max_in_flight=9)
     stream.acknowledge(0)
     play(stream, now=-1.0)
     play(stream, now=JITTER_TOLERANCE)
@@ -87,7 +87,7 @@ def test_a_demonstration_is_late_only_past_what_timers_have() -> None:
 
 def test_demonstrations_are_as_far_apart_as_they_were_recorded() -> None:
     """gap(n) is the time between demonstrations n - 1 and n."""
-    stream, gaps = Stream(total=9, window=9), {2: 3.0, 3: 0.5, 4: 7.0}
+    stream, gaps = Stream(total=9, max_in_flight=9), {2: 3.0, 3: 0.5, 4: 7.0}
     stream.acknowledge(0)
     stream.mark_sent(now=10.0, due=10.0)
     found = []
@@ -99,7 +99,7 @@ def test_demonstrations_are_as_far_apart_as_they_were_recorded() -> None:
 
 
 def test_what_a_waiting_learner_lacks_is_sent_again_after_patience() -> None:
-    stream = Stream(total=9, window=4)
+    stream = Stream(total=9, max_in_flight=4)
     stream.acknowledge(0)
     for now in (0.0, 1.0, 2.0):
         play(stream, now)
@@ -111,7 +111,7 @@ def test_what_a_waiting_learner_lacks_is_sent_again_after_patience() -> None:
 
 
 def test_of_what_a_waiting_learner_lacks_no_more_is_sent_again_than_it_has_room_for() -> None:
-    stream = Stream(total=9, window=2)
+    stream = Stream(total=9, max_in_flight=2)
     stream.acknowledge(0)
     assert list(stream.missing(now=9.0, patience=2.0)) == []
     stream.acknowledge(6)
@@ -125,7 +125,7 @@ def test_of_what_a_waiting_learner_lacks_no_more_is_sent_again_than_it_has_room_
 
 @pytest.mark.parametrize("acknowledged", [99, 5])
 def test_a_learner_cannot_acknowledge_more_than_there_is(acknowledged: int) -> None:
-    stream = Stream(total=5, window=3)
+    stream = Stream(total=5, max_in_flight=3)
     stream.acknowledge(acknowledged)
     assert (stream.acknowledged, stream.sent, stream.finished) == (5, 5, True)
 

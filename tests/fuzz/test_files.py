@@ -191,7 +191,7 @@ def test_slots_of_any_kind_are_refused_or_a_valid_schedule(count: int) -> None:
         except ScheduleError:
             return
         assert report.largest_sum_error <= 1e-12
-        assert 1 <= report.window <= len(slots)
+        assert 1 <= report.connectivity_window <= len(slots)
         assert report.contraction <= 1 + 1e-9
 
     check()

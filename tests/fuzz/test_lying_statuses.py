@@ -62,7 +62,7 @@ def test_a_lying_status_is_named_and_skips_nothing(
     nodes: Any, long: Truth, capfd: pytest.CaptureFixture[str], lies: dict[str, Any], text: str
 ) -> None:
     """Told before the truth, and again and again in between: every demonstration is sent, in order, none too early."""
-    learners, player = Learners(nodes, long), nodes.player(long.file, hz=100.0, window=4)
+    learners, player = Learners(nodes, long), nodes.player(long.file, hz=100.0, max_in_flight=4)
     learners.tell("learner_1", **lies)
     nodes.spin_for(0.3)
     assert learners.received["learner_1"] == []
@@ -81,7 +81,7 @@ def test_a_lying_status_is_named_and_skips_nothing(
 
 @NODES
 def test_a_player_survives_statuses_of_any_content(nodes: Any, long: Truth, count: int) -> None:
-    player = nodes.player(long.file, hz=1e4, window=4)
+    player = nodes.player(long.file, hz=1e4, max_in_flight=4)
 
     @few(count * 10)
     @given(st.one_of(spoiled(lambda: long.status("learner_1")), made_up(LearnerStatus)))
@@ -98,8 +98,8 @@ TICK = 0.1
 class Liar:
     """A player's stream and a learner's truth in time of their own, with lies in between."""
 
-    def __init__(self, total: int, window: int) -> None:
-        self.stream, self.claims = Stream(total, window), AckFilter(2.0)
+    def __init__(self, total: int, max_in_flight: int) -> None:
+        self.stream, self.claims = Stream(total, max_in_flight), AckFilter(2.0)
         self.learned, self.now = 0, 0.0
         self.arrived: set[int] = set()
 
@@ -122,14 +122,14 @@ class Liar:
 
 @given(
     total=st.integers(1, 40),
-    window=st.integers(1, 8),
+    max_in_flight=st.integers(1, 8),
     lies=st.lists(st.lists(st.integers(0, 60), max_size=3), min_size=1, max_size=10),
 )
 def test_lies_beyond_what_was_sent_let_nothing_be_skipped_or_sent_too_early(
-    total: int, window: int, lies: list[list[int]]
+    total: int, max_in_flight: int, lies: list[list[int]]
 ) -> None:
     """The same lies are told again and again, as long as the learner has not learned everything."""
-    world = Liar(total, window)
+    world = Liar(total, max_in_flight)
     for turn in range(200 * total):
         if world.learned == total:
             break
@@ -137,18 +137,18 @@ def test_lies_beyond_what_was_sent_let_nothing_be_skipped_or_sent_too_early(
             world.hear(max(min(lie, total), world.stream.sent + 1))
             assert not world.stream.finished
         world.tick()
-        assert world.stream.sent <= world.learned + window
+        assert world.stream.sent <= world.learned + max_in_flight
     assert world.learned == total
 
 
 @given(
     total=st.integers(1, 20),
-    window=st.integers(1, 8),
+    max_in_flight=st.integers(1, 8),
     lies=st.lists(st.lists(st.integers(0, 20), max_size=3), min_size=1, max_size=10),
 )
-def test_no_lies_at_all_let_anything_be_lost(total: int, window: int, lies: list[list[int]]) -> None:
+def test_no_lies_at_all_let_anything_be_lost(total: int, max_in_flight: int, lies: list[list[int]]) -> None:
     """They may make it slow, since what was skipped is sent again after some patience."""
-    world = Liar(total, window)
+    world = Liar(total, max_in_flight)
     for turn in range(1000):
         for lie in lies[turn % len(lies)]:
             world.hear(min(lie, total))

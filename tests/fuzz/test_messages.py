@@ -18,7 +18,7 @@ from mabirds_core.algorithm.parameters import MAX_PARAMETER, Parameters
 from mabirds_core.errors import MabirdsError, RefusedMessageError
 from mabirds_core.experiment.assembly import build_learner, build_method
 from mabirds_core.experiment.simulate import simulate_central
-from mabirds_learner.central_session import CentralSession
+from mabirds_learner.baseline_session import BaselineSession
 from mabirds_learner.inbox import check_iteration
 from mabirds_learner.learner_session import LearnerSession
 from mabirds_learner.member import Limits
@@ -116,7 +116,7 @@ def test_a_schedule_message_is_what_its_digest_says_or_refused(truth: Truth, exa
 class Fed:
     """A session that gets messages as its node does, and counts refusals."""
 
-    def __init__(self, truth: Truth, session: LearnerSession[StrictMember] | CentralSession) -> None:
+    def __init__(self, truth: Truth, session: LearnerSession[StrictMember] | BaselineSession) -> None:
         self.truth, self.session = truth, session
         self.found = [session.parameters]
         self.dropped: Counter[str] = Counter()
@@ -138,7 +138,7 @@ class Fed:
             self.session.member.receive_parameters(sender, message.iteration, parameters)
             return
         trajectory = self.truth.read_demonstration(sender, message)
-        if isinstance(self.session, CentralSession):
+        if isinstance(self.session, BaselineSession):
             self.session.receive_demonstration(sender, message.iteration, trajectory)
         else:
             self.session.receive_demonstration(message.iteration, trajectory)
@@ -179,7 +179,9 @@ def test_a_central_method_learns_the_same_bits_whatever_else_is_sent(truth: Trut
     @many(examples)
     @given(disturbed(lambda: true_messages(truth, names, [])))
     def check(messages: list[tuple[str, Any]]) -> None:
-        fed = Fed(truth, CentralSession(build_method(experiment, "bics", truth.game), names, experiment.iterations, 10))
+        fed = Fed(
+            truth, BaselineSession(build_method(experiment, "bics", truth.game), names, experiment.iterations, 10)
+        )
         for sender, message in without_forgeries(truth, messages):
             fed.feed(sender, message)
         assert [bits(one) for one in fed.found] == expected

@@ -19,7 +19,7 @@ from rclpy.serialization import serialize_message
 from truth import Truth, bits, disturbed, true_messages, without_forgeries
 
 from mabirds_core.errors import ExperimentError
-from mabirds_learner.central_node import CentralNode
+from mabirds_learner.baseline_node import BaselineNode
 from mabirds_msgs_py.qos import announced, latched
 
 
@@ -76,12 +76,12 @@ def test_a_learner_node_learns_the_same_bits_whatever_else_is_sent(truth: Truth,
 
 
 @NODES
-def test_a_central_node_learns_the_same_bits_whatever_else_is_sent(truth: Truth, nodes: Any, count: int) -> None:
+def test_a_baseline_node_learns_the_same_bits_whatever_else_is_sent(truth: Truth, nodes: Any, count: int) -> None:
     names = list(truth.experiment.learners)
 
     def learned(messages: list[tuple[str, Any]]) -> tuple[bytes, bytes]:
         overrides = [Parameter("experiment", value=str(truth.file))]
-        node = nodes.add(CentralNode(context=nodes.context, namespace="/bics", parameter_overrides=overrides))
+        node = nodes.add(BaselineNode(context=nodes.context, namespace="/bics", parameter_overrides=overrides))
         try:
             for sender, message in messages:
                 sent_to(node, topic_of(sender, message), message)
@@ -214,9 +214,13 @@ def test_a_learner_with_wrong_parameters_does_not_start(
         ({"rate": -1.0}, InvalidParameterValueException, "out of range"),
         ({"hz": math.nan}, InvalidParameterValueException, "out of range"),
         ({"hz": "fast"}, InvalidParameterTypeException, "hz"),
-        ({"window": 0}, InvalidParameterValueException, "out of range"),
-        ({"window": 2**40}, InvalidParameterValueException, "out of range"),
-        ({"central": "no such method!"}, ExperimentError, "central 'no such method!': expected one of ('bics', 'dlm'"),
+        ({"max_in_flight": 0}, InvalidParameterValueException, "out of range"),
+        ({"max_in_flight": 2**40}, InvalidParameterValueException, "out of range"),
+        (
+            {"baseline": "no such method!"},
+            ExperimentError,
+            "baseline 'no such method!': expected one of ('bics', 'dlm'",
+        ),
     ],
     ids=lambda value: str(value)[:40],
 )

@@ -95,7 +95,7 @@ def test_what_a_false_neighbour_answers_is_dropped_and_counted(truth: Truth, nod
 
 def test_no_more_than_the_window_is_played_however_much_is_asked_for(nodes: Any, long: Truth) -> None:
     """Four thousand million steps are no work where nothing may be sent."""
-    play = Player(nodes, long, hz=100.0, window=4)
+    play = Player(nodes, long, hz=100.0, max_in_flight=4)
     refused = play.call(PlayNext, "play_next", count=1)
     assert not refused.success
     assert refused.message == "expected a paused player; call pause with data: true first"
@@ -122,7 +122,7 @@ def test_no_more_than_the_window_is_played_however_much_is_asked_for(nodes: Any,
 def test_what_was_never_sent_is_not_sent_again(
     nodes: Any, long: Truth, learner: str, iteration: int, text: str
 ) -> None:
-    play = Player(nodes, long, hz=1000.0, window=4)
+    play = Player(nodes, long, hz=1000.0, max_in_flight=4)
     nodes.spin_until(lambda: len(play.received) == 8)
     answer = play.call(Resend, "resend", learner=learner, iteration=iteration)
     assert not answer.success
@@ -155,7 +155,7 @@ def parameter(name: str, value: Any) -> ParameterMessage:
 def test_speeds_that_are_none_are_refused_and_change_nothing(
     nodes: Any, long: Truth, name: str, value: Any, text: str
 ) -> None:
-    play = Player(nodes, long, hz=1000.0, window=4)
+    play = Player(nodes, long, hz=1000.0, max_in_flight=4)
     before = play.player.get_parameter(name).value
     (result,) = play.call(SetParameters, "set_parameters", parameters=[parameter(name, value)]).results
     assert not result.successful
@@ -167,7 +167,7 @@ def test_speeds_that_are_none_are_refused_and_change_nothing(
 @pytest.mark.parametrize(("name", "value"), [("hz", 5e-324), ("hz", -0.0), ("hz", 1e-300), ("rate", 0.01)])
 def test_the_smallest_speeds_stop_nothing_but_the_player(nodes: Any, long: Truth, name: str, value: float) -> None:
     """What is due in ages is not sent, and a faster speed is obeyed at once."""
-    play = Player(nodes, long, hz=0.0, window=4)
+    play = Player(nodes, long, hz=0.0, max_in_flight=4)
     (result,) = play.call(SetParameters, "set_parameters", parameters=[parameter(name, value)]).results
     assert result.successful
     assert not play.player.done
@@ -175,7 +175,7 @@ def test_the_smallest_speeds_stop_nothing_but_the_player(nodes: Any, long: Truth
     nodes.spin_until(lambda: len(play.received) == 8)
 
 
-@pytest.mark.parametrize(("name", "value"), [("experiment", "/elsewhere"), ("run", "other"), ("window", 200)])
+@pytest.mark.parametrize(("name", "value"), [("experiment", "/elsewhere"), ("run", "other"), ("max_in_flight", 200)])
 def test_what_is_fixed_at_the_start_cannot_be_set(nodes: Any, long: Truth, name: str, value: Any) -> None:
     play = Player(nodes, long)
     (result,) = play.call(SetParameters, "set_parameters", parameters=[parameter(name, value)]).results
@@ -191,8 +191,8 @@ def answered(node: Any, kind: Any, name: str, **fields: Any) -> Any:
 
 @pytest.mark.parametrize("count", [50, pytest.param(2000, marks=pytest.mark.slow)])
 def test_services_answer_whatever_is_asked(nodes: Any, long: Truth, count: int) -> None:
-    """And the player goes on, with no demonstration sent beyond its window."""
-    player, learner = nodes.player(long.file, hz=1e4, window=4), nodes.learner(long.file, "learner_1")
+    """And the player goes on, with no demonstration sent beyond what may be in flight."""
+    player, learner = nodes.player(long.file, hz=1e4, max_in_flight=4), nodes.learner(long.file, "learner_1")
 
     @settings(max_examples=count, deadline=None)
     @given(TEXTS, whole_numbers(64), whole_numbers(32), st.booleans())

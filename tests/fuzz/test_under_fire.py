@@ -145,7 +145,7 @@ def test_a_network_under_fire_learns_the_same_bits(
     result = Network(truth.experiment, truth.file, tmp_path, {"hz": 10.0}).run(on_tick)
     found = {name: [bits(one) for one in history] for name, history in result.history.items()}
     assert found == {name: [bits(one) for one in history] for name, history in truth.history.items()}
-    assert audit(truth.experiment.edge_schedule, result.delivered, iterations)["differences"] == []
+    assert audit(truth.experiment.edge_schedule, result.delivered, iterations)["edge_mismatches"] == []
     assert all(intruder.sent > 10 for intruder in intruders)
     assert all({"wrong_learner", "wrong_experiment", "wrong_shape"} <= reasons for reasons in dropped.values())
     for log in (tmp_path / "logs").glob("*.log"):

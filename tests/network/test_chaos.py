@@ -69,7 +69,7 @@ def survive(file: Path, directory: Path, seed: int, events: int) -> Counter[str]
     (directory / "logs").mkdir(parents=True)
     result = Network(experiment, file, directory, {"hz": 50.0}, restarts=len(planned)).run(chaos)
     assert_same_histories(result.history, simulate_from_bag(experiment))
-    assert audit(experiment.edge_schedule, result.delivered, experiment.iterations)["differences"] == []
+    assert audit(experiment.edge_schedule, result.delivered, experiment.iterations)["edge_mismatches"] == []
     assert chaos.done.total() >= events
     return chaos.done
 

@@ -60,7 +60,7 @@ def test_patrol_as_processes_equals_the_reference(tmp_path: Path, rate: float, r
     (tmp_path / "logs").mkdir()
     history, delivered, _ = Network(experiment, PATROL, tmp_path, {"rate": rate}, order).run()
     found = audit(experiment.edge_schedule, delivered, experiment.iterations)
-    assert found == {"iterations": experiment.iterations, "differences": [], "window": 2}
+    assert found == {"iterations": experiment.iterations, "edge_mismatches": [], "connectivity_window": 2}
     assert len(history["learner_1"]) == experiment.iterations + 1
     assert_same_histories(history, simulate_from_bag(experiment))
 
@@ -76,7 +76,11 @@ def test_drones_as_processes_equal_the_reference(
     experiment, directory = load_experiment(file), tmp_path / "run"
     (directory / "logs").mkdir(parents=True)
     history, delivered, _ = Network(experiment, file, directory, {"hz": 50.0}).run()
-    assert audit(experiment.edge_schedule, delivered, 6) == {"iterations": 6, "differences": [], "window": 2}
+    assert audit(experiment.edge_schedule, delivered, 6) == {
+        "iterations": 6,
+        "edge_mismatches": [],
+        "connectivity_window": 2,
+    }
     assert_same_histories(history, simulate_from_bag(experiment))
 
 

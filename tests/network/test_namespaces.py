@@ -108,7 +108,7 @@ class Deployment:
                 assert_same_bits(found[f"{name}.{part}"], expected, f"{part} of {name}")
         delivered = json.loads((self.directory / "delivered.json").read_text(encoding="utf-8"))
         graph = audit(experiment.edge_schedule, {int(n): who for n, who in delivered.items()}, experiment.iterations)
-        assert graph == {"iterations": experiment.iterations, "differences": [], "window": 1}
+        assert graph == {"iterations": experiment.iterations, "edge_mismatches": [], "connectivity_window": 1}
         messages = sum(len(senders) for who in delivered.values() for senders in who)
         return (
             f"delivered: {len(delivered)} iterations of {len(LEARNERS)} learners, {messages} parameters between them,"

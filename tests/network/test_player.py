@@ -72,7 +72,7 @@ def test_nothing_is_sent_before_a_learner_is_there(nodes: Any, file: Path, learn
 
 
 def test_it_never_runs_further_ahead_than_the_window(nodes: Any, file: Path, learners: PretendLearners) -> None:
-    nodes.player(file, hz=200.0, window=4)
+    nodes.player(file, hz=200.0, max_in_flight=4)
     learners.acknowledge("learner_1", 0)
     nodes.spin_until(lambda: len(learners.received["learner_1"]) == 4)
     nodes.spin_for(0.3)
@@ -86,14 +86,14 @@ def test_it_never_runs_further_ahead_than_the_window(nodes: Any, file: Path, lea
 def test_holding_back_is_said(
     nodes: Any, file: Path, learners: PretendLearners, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    nodes.player(file, hz=200.0, window=4)
+    nodes.player(file, hz=200.0, max_in_flight=4)
     learners.acknowledge("learner_1", 0)
     nodes.spin_until(lambda: len(learners.received["learner_1"]) == 4)
     nodes.spin_for(0.1)
     learners.acknowledge("learner_1", 4)
     nodes.spin_until(lambda: len(learners.received["learner_1"]) > 4)
     output = "".join(capfd.readouterr())
-    assert output.count("holding learner_1 back: sent 4, learned 0, window 4") == 1
+    assert output.count("holding learner_1 back: sent 4, learned 0, max_in_flight 4") == 1
     assert output.count("learner_1 caught up to 4") == 1
 
 
@@ -159,7 +159,9 @@ def test_parameters_are_described_with_ranges(nodes: Any, file: Path) -> None:
     player = nodes.player(file)
     descriptor = player.describe_parameter("rate")
     assert descriptor.floating_point_range == [FloatingPointRange(from_value=0.01, to_value=1e4)]
-    assert all(player.describe_parameter(name).description for name in ("experiment", "bag", "window", "rate", "hz"))
+    assert all(
+        player.describe_parameter(name).description for name in ("experiment", "bag", "max_in_flight", "rate", "hz")
+    )
 
 
 def test_paused_it_sends_only_what_it_is_asked_for(nodes: Any, file: Path, learners: PretendLearners) -> None:
@@ -178,7 +180,7 @@ def test_paused_it_sends_only_what_it_is_asked_for(nodes: Any, file: Path, learn
 
 
 def test_resend_repeats_one_demonstration_to_its_own_learner(nodes: Any, file: Path, learners: PretendLearners) -> None:
-    nodes.player(file, hz=200.0, window=3)
+    nodes.player(file, hz=200.0, max_in_flight=3)
     for name in ("learner_1", "learner_2"):
         learners.acknowledge(name, 0)
     nodes.spin_until(lambda: all(len(learners.received[name]) == 3 for name in ("learner_1", "learner_2")))
@@ -193,7 +195,7 @@ def test_resend_repeats_one_demonstration_to_its_own_learner(nodes: Any, file: P
 
 
 def test_what_a_learner_lost_is_sent_again(nodes: Any, file: Path, learners: PretendLearners) -> None:
-    nodes.player(file, hz=200.0, window=2)
+    nodes.player(file, hz=200.0, max_in_flight=2)
     learners.acknowledge("learner_1", 0)
     nodes.spin_until(lambda: learners.received["learner_1"] == [1, 2])
     nodes.spin_for(2.1)
@@ -211,7 +213,7 @@ def test_a_learner_of_another_game_gets_nothing(nodes: Any, file: Path, capfd: p
 
 
 def test_it_is_done_when_everything_is_acknowledged(nodes: Any, file: Path, learners: PretendLearners) -> None:
-    player = nodes.player(file, hz=1000.0, window=30)
+    player = nodes.player(file, hz=1000.0, max_in_flight=30)
     for name in ("learner_1", "learner_2"):
         learners.acknowledge(name, 0)
     nodes.spin_until(lambda: all(len(learners.received[name]) == 30 for name in ("learner_1", "learner_2")))

@@ -25,7 +25,7 @@ from mabirds_bringup.watch.inspector import InspectorNode
 from mabirds_bringup.watch.monitor import MonitorNode
 from mabirds_core.experiment.file import load_experiment
 from mabirds_expert_player.player_node import ExpertPlayerNode
-from mabirds_learner.central_node import CentralNode
+from mabirds_learner.baseline_node import BaselineNode
 from mabirds_msgs_py.bag_writer import BagWriter
 from mabirds_msgs_py.qos import STATUS_QOS
 from mabirds_msgs_py.security import (
@@ -123,8 +123,8 @@ def test_the_policy_of_a_central_method_is_what_it_does(
     file = make_experiment()
     experiment = load_experiment(file)
     parameters = [Parameter("experiment", value=str(file))]
-    nodes.add(CentralNode(context=nodes.context, namespace="/bics", parameter_overrides=parameters))
-    nodes.player(file, central="bics")
+    nodes.add(BaselineNode(context=nodes.context, namespace="/bics", parameter_overrides=parameters))
+    nodes.player(file, baseline="bics")
     nodes.add(MonitorNode(experiment, recording, names=["bics"], context=nodes.context))
     nodes.add(InspectorNode(context=nodes.context))
     assert settled_differences(nodes, Policy(experiment, method="bics").processes()) == []

@@ -85,7 +85,7 @@ def test_heavy_libraries_are_extras() -> None:
 
 
 def test_no_program_loads_the_libraries_of_extras_before_it_needs_them() -> None:
-    programs = ("mabirds_bringup.cli", "mabirds_learner.central_node", "mabirds_expert_player.player_node")
+    programs = ("mabirds_bringup.cli", "mabirds_learner.baseline_node", "mabirds_expert_player.player_node")
     hide = "import sys\nfor name in ('scipy', 'torch', 'cryptography'): sys.modules[name] = None\n"
     done = subprocess.run(
         [sys.executable, "-c", hide + "".join(f"import {program}\n" for program in programs)],
@@ -99,7 +99,7 @@ def test_no_program_loads_the_libraries_of_extras_before_it_needs_them() -> None
 
 def test_the_commands_have_the_name_of_the_project() -> None:
     commands = [name for package in PACKAGES for name in metadata(package).get("scripts", {})]
-    assert sorted(commands) == ["mabirds", "mabirds-central", "mabirds-expert-player", "mabirds-learner"]
+    assert sorted(commands) == ["mabirds", "mabirds-baseline", "mabirds-expert-player", "mabirds-learner"]
 
 
 def test_there_is_one_version() -> None:

@@ -17,7 +17,7 @@ import pytest
 REPOSITORY = Path(__file__).resolve().parents[2]
 SOURCES = ("src", "ros_ws", "packaging", "VERSION", "LICENSE")
 PACKAGES = ("mabirds_core", "mabirds_msgs_py", "mabirds_expert_player", "mabirds_learner", "mabirds_bringup", "mabirds")
-COMMANDS = {"mabirds", "mabirds-central", "mabirds-expert-player", "mabirds-learner"}
+COMMANDS = {"mabirds", "mabirds-baseline", "mabirds-expert-player", "mabirds-learner"}
 NOT_SOURCES = shutil.ignore_patterns("__pycache__", "*.egg-info", "build", "install", "log")
 
 BUILD_SDIST = (
@@ -153,7 +153,7 @@ def test_the_profiles_of_fast_dds_come_too(wheels: dict[str, Path]) -> None:
 def test_only_commands_of_this_project_are_on_the_path(programs: Path) -> None:
     found = {path.name for path in programs.iterdir()}
     assert {name for name in found if name.startswith("mabirds")} == COMMANDS
-    assert not found & {"learner", "central", "expert_player"}
+    assert not found & {"learner", "baseline", "expert_player"}
 
 
 def test_heavy_libraries_are_not_brought(programs: Path, tmp_path: Path) -> None:

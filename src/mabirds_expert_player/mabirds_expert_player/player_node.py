@@ -2,7 +2,7 @@
 
 ``rate`` multiplies the recorded timing; ``hz`` above 0 overrides it with demonstrations per second. Both may change
 while the node runs. Nothing is sent before a learner has announced itself with the right game, and never more than
-``window`` demonstrations beyond what it has learned.
+``max_in_flight`` demonstrations beyond what it has learned.
 """
 
 import time
@@ -57,14 +57,14 @@ class ExpertPlayerNode(Node):
         self._declare_parameters()
         experiment, self._experiment_digest = experiment_of(self)
         self._schedule_digest = experiment.edge_schedule.digest
-        if self._value("central") not in ("", *method_names()):
-            raise ExperimentError(f"central {self._value('central')!r}: expected one of {method_names()}, or nothing")
+        if self._value("baseline") not in ("", *method_names()):
+            raise ExperimentError(f"baseline {self._value('baseline')!r}: expected one of {method_names()}, or nothing")
         self._game = build_game(experiment)
         directory = Path(self._value("bag") or experiment.demonstrations.bag)
         self.get_logger().info(f"checking {directory}")
         self._bag = DemonstrationBag(directory, self._game, experiment.learners, at_least=experiment.iterations)
-        window = self._value("window")
-        self._streams = {name: Stream(experiment.iterations, window) for name in experiment.learners}
+        max_in_flight = self._value("max_in_flight")
+        self._streams = {name: Stream(experiment.iterations, max_in_flight) for name in experiment.learners}
         self._claims = {name: AckFilter(PATIENCE) for name in experiment.learners}
         self._paused = False
         self._held_back: set[str] = set()
@@ -88,10 +88,10 @@ class ExpertPlayerNode(Node):
         declare_experiment(self)
         self.declare_parameter("bag", "", str_param("bag to play; empty: the experiment's"))
         self.declare_parameter(
-            "central", "", str_param("a central method that learns in the learners' place; empty: none")
+            "baseline", "", str_param("a central method that learns in the learners' place; empty: none")
         )
         self.declare_parameter(
-            "window", 16, int_param("demonstrations ahead of what a learner has learned", 1, HISTORY)
+            "max_in_flight", 16, int_param("demonstrations ahead of what a learner has learned", 1, HISTORY)
         )
         self.declare_parameter(
             "rate", 1.0, float_param("speed, as a multiple of the recorded timing", 0.01, 1e4, fixed=False)
@@ -106,7 +106,7 @@ class ExpertPlayerNode(Node):
         return self.get_parameter(name).value
 
     def _connect(self, learner: str) -> Any:
-        acknowledging = self._value("central") or learner
+        acknowledging = self._value("baseline") or learner
         self.create_subscription(
             LearnerStatus, f"{acknowledging}/{topics.STATUS}", partial(self._on_status, learner), latched(STATUS_DEPTH)
         )
@@ -138,7 +138,7 @@ class ExpertPlayerNode(Node):
 
     def _possible(self, learner: str, status: LearnerStatus) -> bool:
         """Is the status from ``learner``, and within what there is to learn? Says so where it is not."""
-        name, total = self._value("central") or learner, self._streams[learner].total
+        name, total = self._value("baseline") or learner, self._streams[learner].total
         if status.learner == name and status.last_demonstration <= total:
             return True
         self.get_logger().error(
@@ -201,13 +201,14 @@ class ExpertPlayerNode(Node):
         self._publishers_by_learner[learner].publish(message)
 
     def _report_holding_back(self, learner: str, stream: Stream) -> None:
-        """Say when holding back begins, and when the learner has made up for half a window."""
+        """Say when holding back begins, and when the learner has made up for half of that."""
         if stream.held_back and learner not in self._held_back:
             self._held_back.add(learner)
             self.get_logger().info(
-                f"holding {learner} back: sent {stream.sent}, learned {stream.acknowledged}, window {stream.window}"
+                f"holding {learner} back: sent {stream.sent}, learned {stream.acknowledged},"
+                f" max_in_flight {stream.max_in_flight}"
             )
-        elif learner in self._held_back and 2 * (stream.sent - stream.acknowledged) <= stream.window:
+        elif learner in self._held_back and 2 * (stream.sent - stream.acknowledged) <= stream.max_in_flight:
             self._held_back.remove(learner)
             self.get_logger().info(f"{learner} caught up to {stream.acknowledged}")
 
@@ -259,13 +260,13 @@ usage: mabirds-expert-player --ros-args -p experiment:=FILE [-p PARAMETER:=VALUE
 example: mabirds-expert-player --ros-args -p experiment:=ros_ws/config/patrol.yaml -p rate:=10.0
 
 parameters:
-  experiment   path of the experiment file (YAML)
-  run          name of this run; learners of other runs get nothing ("")
-  central      a central method that learns in the learners' place, such as bics ("")
-  bag          bag to play; empty: the experiment's
-  rate         speed, as a multiple of the recorded timing (1.0); may change while it runs
-  hz           demonstrations per second; 0: the recorded timing times rate (0.0); may change while it runs
-  window       demonstrations ahead of what a learner has learned (16)
+  experiment      path of the experiment file (YAML)
+  run             name of this run; learners of other runs get nothing ("")
+  baseline        a central method that learns in the learners' place, such as bics ("")
+  bag             bag to play; empty: the experiment's
+  rate            speed, as a multiple of the recorded timing (1.0); may change while it runs
+  hz              demonstrations per second; 0: the recorded timing times rate (0.0); may change while it runs
+  max_in_flight   demonstrations ahead of what a learner has learned (16)
 
 services: ~/pause (std_srvs/SetBool), ~/play_next, ~/resend (mabirds_msgs)
 

@@ -10,12 +10,12 @@ from itertools import pairwise
 class Stream:
     """Demonstrations 1..total of one learner.
 
-    Lossless by construction: never more than ``window`` demonstrations beyond ``acknowledged``, the newest one
+    Lossless by construction: never more than ``max_in_flight`` demonstrations beyond ``acknowledged``, the newest one
     that the learner says it has learned. Times are seconds of a steady clock.
     """
 
     total: int
-    window: int
+    max_in_flight: int
     sent: int = 0
     acknowledged: int = 0
     ready: bool = False
@@ -30,7 +30,7 @@ class Stream:
     @property
     def held_back(self) -> bool:
         """Is there something to send that the learner is not ready to take?"""
-        return self.sent < self.total and self.sent >= self.acknowledged + self.window
+        return self.sent < self.total and self.sent >= self.acknowledged + self.max_in_flight
 
     @property
     def open(self) -> bool:
@@ -66,7 +66,7 @@ class Stream:
         if self.sent <= self.acknowledged or now - self.last_sent_at < patience:
             return range(0)
         self.last_sent_at = now
-        return range(self.acknowledged + 1, min(self.sent, self.acknowledged + self.window) + 1)
+        return range(self.acknowledged + 1, min(self.sent, self.acknowledged + self.max_in_flight) + 1)
 
 
 @dataclass

@@ -1,4 +1,4 @@
-"""What learner and central nodes share: one update after the other, each published with where the node stands."""
+"""What learner and baseline nodes share: one update after the other, each published with where the node stands."""
 
 import time
 from collections import Counter

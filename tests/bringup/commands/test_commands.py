@@ -87,7 +87,7 @@ def test_simulate_gives_the_same_summary_as_run(file: Path, tmp_path: Path) -> N
     )
     assert run.pop("wall_seconds") > 0
     assert simulation.pop("wall_seconds") > 0
-    assert run.pop("delivered_graph") == {"iterations": 8, "differences": [], "window": 1}
+    assert run.pop("delivered_graph") == {"iterations": 8, "edge_mismatches": [], "connectivity_window": 1}
     assert run == simulation
 
 

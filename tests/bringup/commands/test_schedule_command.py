@@ -26,7 +26,7 @@ def test_check_reports_the_assumptions_and_draws(make_experiment: Callable[..., 
     result = schedule("check", file, "--png", "slots.png", "--json", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     content = json.loads(result.stdout)
-    assert (content["window"], content["end"], len(content["slots"])) == (2, "repeat", 2)
+    assert (content["connectivity_window"], content["end"], len(content["slots"])) == (2, "repeat", 2)
     assert content["smallest_weight"] == pytest.approx(0.5)
     assert content["contraction"] == pytest.approx(0, abs=1e-12)  # two rounds of pairs average four exactly
     assert content["slots"][0]["row_sums"] == pytest.approx([1] * 4)

@@ -78,7 +78,7 @@ def test_the_report_shows_its_numbers(tmp_path: Path) -> None:
     summary = {
         "experiment": "<patrol>",
         "constraint_threshold": 0.005,
-        "rates": "shares of 1000 flights",
+        "rates": "shares of 1000 rollouts",
         "learners": {"learner_1": {**row, "false_negative_rate": 0.0}},
         "consensus_distance": {"theta": 3.85, "omega": 6.95, "policy": 0.87},
         "wall_seconds": 12.0,
@@ -91,7 +91,7 @@ def test_the_report_shows_its_numbers(tmp_path: Path) -> None:
         "<td>0.002</td>",
         "<td>0.998</td>",
         "exceeds 0.005",
-        "of 1000 flights",
+        "of 1000 rollouts",
         "map.png",
     ):
         assert text in page

@@ -16,7 +16,7 @@ from mabirds_core.consensus.schedule import (
     connectivity_window,
     contraction,
     delivered_edges,
-    differences,
+    edge_mismatches,
     validate,
 )
 from mabirds_core.errors import ScheduleError
@@ -33,7 +33,7 @@ def learners(count: int) -> tuple[str, ...]:
 def test_a_directed_ring_is_one_cycle_through_all(count: int) -> None:
     schedule = directed_ring(learners(count))
     assert schedule.slots == (frozenset((v, (v + 1) % count) for v in range(count)),)
-    assert validate(schedule).window == 1
+    assert validate(schedule).connectivity_window == 1
 
 
 def test_a_directed_ring_of_one_has_no_edge() -> None:
@@ -141,12 +141,12 @@ def test_the_delivered_graph_is_what_learners_mixed() -> None:
     schedule = EdgeSchedule(NAMES, LINE)
     as_scheduled = {1: [["b"], ["a"], []], 2: [[], ["c"], ["b"]], 5: [["b"], ["a"], []]}
     assert [delivered_edges(schedule, senders) for senders in as_scheduled.values()] == [LINE[0], LINE[1], LINE[0]]
-    assert differences(schedule, as_scheduled) == []
+    assert edge_mismatches(schedule, as_scheduled) == []
 
 
 def test_what_differs_from_the_schedule_is_named() -> None:
     schedule = EdgeSchedule(NAMES, LINE)
-    assert differences(schedule, {2: [["c"], ["c"], ["b"]], 1: [["b"], [], []]}) == [
+    assert edge_mismatches(schedule, {2: [["c"], ["c"], ["b"]], 1: [["b"], [], []]}) == [
         "iteration 1: a -> b not delivered",
         "iteration 2: c -> a delivered, not scheduled",
     ]

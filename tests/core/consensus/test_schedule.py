@@ -110,7 +110,7 @@ def test_window_and_contraction_are_those_of_brute_force_whatever_follows_the_la
     lengths = range(1, len(schedule.slots) + 1)
     smallest = next(length for length in lengths if all(map(connects, windows(schedule, length))))
     report = validate(schedule)
-    assert report.window == connectivity_window(schedule) == smallest
+    assert report.connectivity_window == connectivity_window(schedule) == smallest
     worst = max(contraction([schedule.weights(n) for n in window]) for window in windows(schedule, smallest))
     assert report.contraction == pytest.approx(worst, abs=1e-12)
     assert report.contraction < 1
@@ -125,15 +125,15 @@ def test_windows_wrap_around_the_end_of_the_period() -> None:
 
 
 def test_a_learner_alone_is_connected() -> None:
-    assert validate(EdgeSchedule(("a",), (frozenset(),))).window == 1
+    assert validate(EdgeSchedule(("a",), (frozenset(),))).connectivity_window == 1
 
 
 @pytest.mark.parametrize("count", range(2, 9))
 def test_an_alternating_ring_satisfies_both_assumptions(count: int) -> None:
     schedule = alternating_ring(learners(count))
     report = validate(schedule)
-    assert every_window_is_connected(schedule, report.window)
-    assert not every_window_is_connected(schedule, report.window - 1)
+    assert every_window_is_connected(schedule, report.connectivity_window)
+    assert not every_window_is_connected(schedule, report.connectivity_window - 1)
     assert report.smallest_weight == 1 / 2
     assert report.largest_sum_error <= 1e-12
 
@@ -290,7 +290,7 @@ def test_strangers_are_refused_by_name() -> None:
 def test_validate_reports_the_window_and_the_smallest_weight() -> None:
     schedule = EdgeSchedule(learners(4), (both_ways([(0, 1), (0, 2), (0, 3)]), frozenset()))
     report = validate(schedule)
-    assert report.window == 2
+    assert report.connectivity_window == 2
     assert report.smallest_weight == pytest.approx(1 / 4)
     other_way_round = EdgeSchedule(learners(4), tuple(reversed(schedule.slots)))
     assert validate(other_way_round).smallest_weight == report.smallest_weight

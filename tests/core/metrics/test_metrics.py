@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
+from arenas import arena, double, random_rollouts
 from games import (
     SlowPatrol,
     TablePolicy,
@@ -13,11 +14,10 @@ from games import (
     probabilities,
     random_policy,
 )
-from rooms import double, random_flights, room
 
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.games.drones.game import DroneGame
-from mabirds_core.games.drones.metrics import drone_imitation, flight_distance, place_visitation
+from mabirds_core.games.drones.metrics import drone_imitation, place_visitation, visitation_distance
 from mabirds_core.games.interface import ImitationMetrics, TabularGame, Trajectories
 from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_core.metrics.metrics import (
@@ -181,8 +181,8 @@ def test_norms_are_euclidean_and_named() -> None:
 
 
 def test_drone_imitation_by_hand() -> None:
-    """Past the pillar to the door; through the pillar to the door; nowhere; through it and nowhere."""
-    game = room(1, {"drones.0.start": (0.3, 0.6), "drones.0.door.centre": (1.3, 0.6), "horizon": 2})
+    """Past the obstacle to the goal region; through the obstacle to it; nowhere; through the obstacle and nowhere."""
+    game = arena(1, {"drones.0.start": (0.3, 0.6), "drones.0.goal_region.centre": (1.3, 0.6), "horizon": 2})
     places = [
         [(0.3, 0.6), (0.7, 1.1), (1.3, 0.6)],
         [(0.3, 0.6), (0.9, 0.6), (1.3, 0.6)],
@@ -193,19 +193,19 @@ def test_drone_imitation_by_hand() -> None:
     assert found == ImitationMetrics(violation_rate=0.5, success_rate=0.25)
 
 
-@pytest.mark.parametrize("make", [room, double])
+@pytest.mark.parametrize("make", [arena, double])
 @pytest.mark.parametrize("spacing", [0.1, 0.5, 1000.0])
 def test_each_drone_spends_all_of_its_time_somewhere(make: Callable[..., DroneGame], spacing: float) -> None:
     game = make(3)
-    found = place_visitation(game, random_flights(game, 20), spacing)
+    found = place_visitation(game, random_rollouts(game, 20), spacing)
     assert found.shape == (3, *(count - 1 for count in game.settings.lattice(spacing)))
     assert found.min() >= 0
     np.testing.assert_allclose(found.sum(axis=(1, 2)), 1, rtol=0, atol=1e-12)
 
 
 def test_place_visitation_by_hand() -> None:
-    """Two flights of three steps, gamma = 1/2, squares of 0.8 m by 0.6 m; the far walls belong to the last ones."""
-    game = room(1, {"discount": 0.5, "horizon": 2})
+    """Two rollouts of three steps, gamma = 1/2, squares of 0.8 m by 0.6 m; the far walls belong to the last ones."""
+    game = arena(1, {"discount": 0.5, "horizon": 2})
     places = [[(0.0, 0.0), (0.79, 0.59), (0.81, 0.59)], [(1.6, 1.2), (1.6, 0.0), (0.0, 1.2)]]
     found = place_visitation(game, Trajectories(np.array(places), np.zeros((2, 3, 2))), spacing=0.8)
     one, two, three = np.array([1, 0.5, 0.25]) / 1.75 / 2
@@ -213,17 +213,17 @@ def test_place_visitation_by_hand() -> None:
 
 
 def test_drones_are_counted_each_for_itself() -> None:
-    both, alone = room(2), room(1)
-    flights = random_flights(both, 10)
-    own = place_visitation(alone, Trajectories(flights.states[..., :2], flights.actions[..., :2]))
-    np.testing.assert_allclose(place_visitation(both, flights)[:1], own, rtol=0, atol=1e-15)
+    both, alone = arena(2), arena(1)
+    rollouts = random_rollouts(both, 10)
+    own = place_visitation(alone, Trajectories(rollouts.states[..., :2], rollouts.actions[..., :2]))
+    np.testing.assert_allclose(place_visitation(both, rollouts)[:1], own, rtol=0, atol=1e-15)
 
 
-def test_flight_distance_is_between_zero_and_one() -> None:
+def test_rollout_distance_is_between_zero_and_one() -> None:
     """Equal visitations; one drone of two elsewhere; both elsewhere; a quarter of the time of one."""
     here, there = np.array([[1.0, 0.0]]), np.array([[0.0, 1.0]])
     both = np.stack([here, here])
-    assert flight_distance([both]) == flight_distance([both, both, both]) == 0
-    assert flight_distance([both, np.stack([here, there])]) == 0.5
-    assert flight_distance([both, both, np.stack([there, there])]) == 1
-    assert flight_distance([both, np.stack([here, 0.75 * here + 0.25 * there])]) == pytest.approx(0.125)
+    assert visitation_distance([both]) == visitation_distance([both, both, both]) == 0
+    assert visitation_distance([both, np.stack([here, there])]) == 0.5
+    assert visitation_distance([both, both, np.stack([there, there])]) == 1
+    assert visitation_distance([both, np.stack([here, 0.75 * here + 0.25 * there])]) == pytest.approx(0.125)

@@ -64,7 +64,7 @@ def run(  # noqa: PLR0913, PLR0917 - the options of a command
         rounds = experiment.iterations + experiment.closing_rounds
         delivered = None if method else audit(experiment.edge_schedule, result.delivered, rounds)
         if delivered and result.mass_residual is not None:
-            delivered |= {"late": len(delivered.pop("differences")), "mass_residual": result.mass_residual}
+            delivered |= {"late": len(delivered.pop("edge_mismatches")), "mass_residual": result.mass_residual}
         content = write_results(experiment, result.history, directory, time.monotonic() - start, delivered)
         if as_json:
             print_json(content, stdout)

@@ -37,8 +37,8 @@ def check(
         content = _content(schedule)
         console.print(_table(content))
         console.print(
-            f"B = {content['window']} iterations, epsilon = {content['smallest_weight']:.4f}; within B iterations"
-            f" disagreement shrinks to {content['contraction']:.4f} of itself or less"
+            f"B = {content['connectivity_window']} iterations, epsilon = {content['smallest_weight']:.4f}; within B"
+            f" iterations disagreement shrinks to {content['contraction']:.4f} of itself or less"
         )
         if png:
             _draw(schedule, png)

@@ -8,25 +8,26 @@ from mabirds_bringup.console import console, progress_bar, summary_table
 from mabirds_bringup.evaluate.evaluation import evaluate, summary
 from mabirds_bringup.report.page import write_report
 from mabirds_bringup.run import run_directory
-from mabirds_core.consensus.schedule import Delivered, EdgeSchedule, delivered_edges, differences, validate
+from mabirds_core.consensus.schedule import DeliveredEdges, EdgeSchedule, delivered_edges, edge_mismatches, validate
 from mabirds_core.errors import ScheduleError
 from mabirds_core.experiment.assembly import build_game
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History
 
 
-def audit(schedule: EdgeSchedule, delivered: Delivered, iterations: int) -> dict[str, Any]:
+def audit(schedule: EdgeSchedule, delivered: DeliveredEdges, iterations: int) -> dict[str, Any]:
     """The delivered graph against the schedule, and its own smallest B.
 
     B is None where the graph connects not all learners, or where not all of ``iterations`` were heard of. In resilient
-    mode differences are what was late or lost, and no mistake.
+    mode mismatches are what was late or lost, and no mistake.
     """
     window = None
     if len(delivered) == iterations:
         slots = tuple(delivered_edges(schedule, delivered[n]) for n in range(1, iterations + 1))
         with suppress(ScheduleError):
-            window = validate(EdgeSchedule(schedule.learners, slots, end="stop")).window
-    return {"iterations": len(delivered), "differences": differences(schedule, delivered), "window": window}
+            window = validate(EdgeSchedule(schedule.learners, slots, end="stop")).connectivity_window
+    mismatches = edge_mismatches(schedule, delivered)
+    return {"iterations": len(delivered), "edge_mismatches": mismatches, "connectivity_window": window}
 
 
 def write_results(
@@ -54,7 +55,7 @@ def write_results(
     write_report(directory, content, save_figures(experiment, history, evaluation, directory))
     run_directory.write_json(directory / "summary.json", content)
     console.print(summary_table(content))
-    for difference in (delivered or {}).get("differences", ()):
-        console.print(f"the delivered graph differs: {difference}", style="red", soft_wrap=True)
+    for mismatch in (delivered or {}).get("edge_mismatches", ()):
+        console.print(f"the delivered graph differs: {mismatch}", style="red", soft_wrap=True)
     console.print(f"results in {directory}; open {directory / 'report.html'}")
     return content

@@ -17,7 +17,7 @@ from rclpy.signals import SignalHandlerOptions
 from mabirds_bringup.run import processes
 from mabirds_bringup.run.supervisor import Supervisor
 from mabirds_bringup.watch.monitor import MonitorNode
-from mabirds_core.consensus.schedule import Delivered
+from mabirds_core.consensus.schedule import DeliveredEdges
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History
@@ -48,7 +48,7 @@ class NetworkResult(NamedTuple):
     """
 
     history: History
-    delivered: Delivered
+    delivered: DeliveredEdges
     mass_residual: float | None
 
 
@@ -138,13 +138,13 @@ class Network:
     def _commands(self) -> dict[str, list[str]]:
         """Command lines by name, in the order in which to start them."""
         commands = {name: self._learning_command(name) for name in self.names}
-        player = {**self.player, "run": self._run, "central": self.method or ""}
+        player = {**self.player, "run": self._run, "baseline": self.method or ""}
         commands[PLAYER] = processes.player_command(self.file, player)
         return {name: commands[name] for name in self.only or self.order or commands}
 
     def _learning_command(self, name: str) -> list[str]:
         if self.method:
-            return processes.central_command(name, self.file, run=self._run)
+            return processes.baseline_command(name, self.file, run=self._run)
         checkpoints = str(self.directory / "checkpoints" / name)
         return processes.learner_command(name, self.file, run=self._run, checkpoints=checkpoints)
 

@@ -39,9 +39,9 @@ def learner_command(learner: str, experiment: Path, **parameters: object) -> lis
     return _command("mabirds_learner", learner, experiment, parameters)
 
 
-def central_command(method: str, experiment: Path, **parameters: object) -> list[str]:
+def baseline_command(method: str, experiment: Path, **parameters: object) -> list[str]:
     """The command line of a central method's process."""
-    return _command("mabirds_learner.central_node", method, experiment, parameters)
+    return _command("mabirds_learner.baseline_node", method, experiment, parameters)
 
 
 def _command(module: str, name: str, experiment: Path, parameters: Mapping[str, object]) -> list[str]:

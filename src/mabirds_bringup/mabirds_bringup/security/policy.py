@@ -37,7 +37,7 @@ NODE_SERVICES = (*PARAMETER_SERVICES, "get_type_description")
 PLAYER = "expert_player"
 PLAYER_SERVICES = ("pause", "play_next", "resend")
 
-LEARNING_NODES = ("learner", "central")
+LEARNING_NODES = ("learner", "baseline")
 """Nodes that have a namespace for themselves."""
 
 
@@ -77,7 +77,7 @@ class Policy:
 
     def processes(self) -> tuple[Access, ...]:
         """All processes of the network; raises SecurityError where two would share an enclave."""
-        learning = [self._central(self.method)] if self.method else map(self._learner, self.experiment.learners)
+        learning = [self._baseline(self.method)] if self.method else map(self._learner, self.experiment.learners)
         processes = (*learning, self._player(), *self._people())
         counts = Counter(process.enclave for process in processes)
         if shared := [enclave for enclave, count in counts.items() if count > 1]:
@@ -106,9 +106,9 @@ class Policy:
             return given, [*taken, self._of(topics.MEMBERSHIP)], []
         return [], self._each(senders, topics.PARAMETERS), self._each(senders, topics.FETCH_PARAMETERS)
 
-    def _central(self, method: str) -> Access:
+    def _baseline(self, method: str) -> Access:
         demonstrations = self._each(self.experiment.learners, topics.DEMONSTRATION)
-        return _access(self._of(method), "central", publish=self._published_by(method), subscribe=demonstrations)
+        return _access(self._of(method), "baseline", publish=self._published_by(method), subscribe=demonstrations)
 
     def _player(self) -> Access:
         return _access(
@@ -124,7 +124,7 @@ class Policy:
         declared = [self._of(topics.MEMBERSHIP)] if self._has_members else []
         missed = self._each(self._learning, topics.FETCH_PARAMETERS)
         yield _access("/", "monitor", publish=declared, subscribe=self._watched(), request=missed)
-        asked = self._each(self._learning, f"{'central' if self.method else 'learner'}/get_parameters")
+        asked = self._each(self._learning, f"{'baseline' if self.method else 'learner'}/get_parameters")
         yield _access("/", "inspector", subscribe=self._watched(), request=asked)
         if self._has_members:
             heard = self._each(self._learning, topics.STATUS)

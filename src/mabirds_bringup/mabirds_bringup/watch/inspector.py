@@ -99,7 +99,7 @@ class InspectorNode(Node):
 
     def _watch(self, namespace: str) -> None:
         learner = self.learners[namespace] = WatchedLearner(namespace)
-        node = "central" if topics.split_namespace(namespace)[1] in method_names() else "learner"
+        node = "baseline" if topics.split_namespace(namespace)[1] in method_names() else "learner"
         self._parameter_clients[namespace] = self.create_client(GetParameters, f"{namespace}/{node}/get_parameters")
         for message_type, topic, name, qos, tell in (
             (LearnerStatus, topics.STATUS, "status", STATUS_QOS, self._on_status),

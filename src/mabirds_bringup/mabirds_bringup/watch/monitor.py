@@ -14,7 +14,7 @@ from rclpy.node import Node
 
 from mabirds_bringup.watch.admission import EXPECTED, MessageValidator
 from mabirds_core.algorithm.parameters import Parameters
-from mabirds_core.consensus.schedule import Delivered
+from mabirds_core.consensus.schedule import DeliveredEdges
 from mabirds_core.errors import RefusedMessageError
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History
@@ -201,7 +201,7 @@ class MonitorNode(Node):
         signs = {"weight": 1, "weight_sent": 1, "weight_received": -1, "initial_weight": -1}
         return sum(signs.get(name.split(".")[0], 0) * value for shown in metrics for name, value in shown.items())
 
-    def delivered(self) -> Delivered:
+    def delivered(self) -> DeliveredEdges:
         """Whose parameters each learner says it mixed, at the iterations of which all learners' statuses were heard."""
         heard = set.intersection(*(set(known) for known in self._mixed.values()))
         return {n: [self._mixed[name][n] for name in self.names] for n in sorted(heard)}

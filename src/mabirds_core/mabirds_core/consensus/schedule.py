@@ -136,7 +136,7 @@ class ScheduleReport:
     ``contraction``: the largest factor by which B consecutive iterations of mixing may scale the distance to the mean.
     """
 
-    window: int
+    connectivity_window: int
     smallest_weight: float
     largest_sum_error: float
     contraction: float
@@ -147,7 +147,7 @@ def validate(schedule: EdgeSchedule) -> ScheduleReport:
     matrices = [schedule.weights(slot + 1) for slot in range(len(schedule.slots))]
     window = connectivity_window(schedule)
     return ScheduleReport(
-        window=window,
+        connectivity_window=window,
         smallest_weight=min(float(matrix[matrix > 0].min()) for matrix in matrices),
         largest_sum_error=max(_check_weights(schedule, slot, matrix) for slot, matrix in enumerate(matrices)),
         contraction=max(_disagreement(product) for product in _products(schedule, window)),
@@ -248,7 +248,7 @@ def both_ways(edges: Sequence[Edge]) -> frozenset[Edge]:
     return frozenset(edge for u, v in edges for edge in ((u, v), (v, u)))
 
 
-Delivered = Mapping[int, Sequence[Sequence[str]]]
+DeliveredEdges = Mapping[int, Sequence[Sequence[str]]]
 """By iteration n: for each learner, in the order of the schedule, the names of those whose parameters it mixed."""
 
 
@@ -261,11 +261,11 @@ def delivered_edges(schedule: EdgeSchedule, senders: Sequence[Sequence[str]]) ->
     return frozenset((index[sender], receiver) for receiver, names in enumerate(senders) for sender in names)
 
 
-def differences(schedule: EdgeSchedule, delivered: Delivered) -> list[str]:
+def edge_mismatches(schedule: EdgeSchedule, delivered: DeliveredEdges) -> list[str]:
     """Edges that were scheduled and not delivered, or the reverse, by iteration and name."""
-    found = []
+    mismatches = []
     for n, senders in sorted(delivered.items()):
         for sender, receiver in sorted(schedule.edges(n) ^ delivered_edges(schedule, senders)):
             what = "not delivered" if (sender, receiver) in schedule.edges(n) else "delivered, not scheduled"
-            found.append(f"iteration {n}: {schedule.learners[sender]} -> {schedule.learners[receiver]} {what}")
-    return found
+            mismatches.append(f"iteration {n}: {schedule.learners[sender]} -> {schedule.learners[receiver]} {what}")
+    return mismatches

@@ -16,7 +16,7 @@ from mabirds_core.errors import ExperimentError, MabirdsError
 from mabirds_core.experiment.learning_settings import AlgorithmSettings, BaselineSettings
 from mabirds_core.planners.settings import check_rollouts
 from mabirds_core.registry import build, kind_of, kinds, union
-from mabirds_core.settings import Settings
+from mabirds_core.settings import Settings, renamed_settings
 from mabirds_core.texts import sanitize, truncate
 from mabirds_core.yaml_files import MAX_FILE, read_yaml
 
@@ -213,12 +213,15 @@ def _json(content: dict[str, Any]) -> str:
 
 
 def _explanations(error: ValidationError) -> Iterator[str]:
+    renamed = renamed_settings()
     for problem in error.errors():
         place = sanitize(".".join(_setting(problem["loc"]))) or "experiment"
         given = truncate(repr(problem["input"]), MAX_VALUE)
         explanation = truncate(problem["msg"].removeprefix("Value error, "), MAX_EXPLANATION)
         if problem["type"] == "union_tag_invalid":
             explanation += KINDS_REMEDY
+        if problem["type"] == "extra_forbidden" and problem["loc"][-1] in renamed:
+            explanation = f"now {renamed[problem['loc'][-1]]}; rename it"
         yield f"{place}: {explanation}" + ("" if isinstance(problem["input"], dict) else f" (given: {given})")
 
 

@@ -6,15 +6,15 @@ from typing import Any
 
 import pytest
 import yaml
+from arenas import ARENA, arena, drone_experiment, drone_settings
 from experiments import SETTINGS, changed
 from pydantic import create_model
-from rooms import ROOM, flight_experiment, flight_settings, room
 
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.file import load_experiment, planners_for
 from mabirds_core.games.drones.game import DroneGame
-from mabirds_core.games.drones.lattice import Lattice, moves
-from mabirds_core.games.drones.planner_checks import MAX_VALUES, MOVES
+from mabirds_core.games.drones.lattice import Lattice, action_set
+from mabirds_core.games.drones.planner_checks import LATTICE_ACTIONS, MAX_VALUES
 from mabirds_core.games.drones.planner_settings import LatticeSettings
 from mabirds_core.games.drones.settings import DroneSettings, DroneTask
 from mabirds_core.games.patrol.settings import PatrolSettings
@@ -67,8 +67,8 @@ def test_the_shipped_experiment_loads() -> None:
 
 
 def test_a_written_experiment_is_read_back(tmp_path: Path) -> None:
-    loaded = load_experiment(write(tmp_path, flight_settings()))
-    expected = flight_experiment({"demonstrations.bag": str(tmp_path.resolve() / "bag")})
+    loaded = load_experiment(write(tmp_path, drone_settings()))
+    expected = drone_experiment({"demonstrations.bag": str(tmp_path.resolve() / "bag")})
     assert loaded.model_dump() == expected.model_dump()
     assert loaded.digest == expected.digest
 
@@ -81,11 +81,11 @@ def test_files_without_a_kind_mean_patrols(tmp_path: Path) -> None:
 
 
 CASES = [
-    (flight_settings({"algorithm.policy": {"kind": "soft_q_learning"}}), "algorithm.policy.kind 'soft_q_learning'"),
-    (flight_settings({"algorithm.policy": {"kind": "soft_value_iteration"}}), "algorithm.policy.kind 'soft_value_iter"),
-    (flight_settings({"algorithm.expectation": "exact"}), "algorithm.expectation 'exact'"),
-    (flight_settings({"demonstrations.experts": "optimal"}), "demonstrations.experts 'optimal'"),
-    (flight_settings({"demonstrations.experts": "soft"}), "demonstrations.experts 'soft'"),
+    (drone_settings({"algorithm.policy": {"kind": "soft_q_learning"}}), "algorithm.policy.kind 'soft_q_learning'"),
+    (drone_settings({"algorithm.policy": {"kind": "soft_value_iteration"}}), "algorithm.policy.kind 'soft_value_iter"),
+    (drone_settings({"algorithm.expectation": "exact"}), "algorithm.expectation 'exact'"),
+    (drone_settings({"demonstrations.experts": "optimal"}), "demonstrations.experts 'optimal'"),
+    (drone_settings({"demonstrations.experts": "soft"}), "demonstrations.experts 'soft'"),
     (changed({"algorithm.policy": {"kind": "lattice"}}), "algorithm.policy.kind 'lattice'"),
     (changed({"algorithm.policy": {"kind": "soft_actor_critic"}}), "algorithm.policy.kind 'soft_actor_critic'"),
     (changed({"demonstrations.experts": "pilots"}), "demonstrations.experts 'pilots'"),
@@ -104,8 +104,8 @@ def test_what_is_not_made_for_the_game_is_refused_with_what_is(
 
 
 def test_an_option_that_drones_get_later_changes_no_digest() -> None:
-    """Drones and their doors stand in a list of settings."""
-    experiment = flight_experiment()
+    """Drones and their goal regions stand in a list of settings."""
+    experiment = drone_experiment()
     later = create_model("LaterTask", __base__=DroneTask, weight=(float, 1.0))
     tasks = tuple(later.model_validate(task.model_dump()) for task in experiment.game.drones)
     game = experiment.game.model_copy(update={"drones": tasks})
@@ -122,56 +122,56 @@ def test_every_policy_planner_is_made_for_one_of_the_games(policy: str) -> None:
 @pytest.mark.parametrize(
     ("changes", "found"),
     [
-        ({"game.drones": ROOM["drones"]}, "found 3 drones that are single_integrators"),
+        ({"game.drones": ARENA["drones"]}, "found 3 drones that are single_integrators"),
         ({"game.dynamics": "double_integrator"}, "found 2 drones that are double_integrators"),
     ],
     ids=["three", "double"],
 )
 def test_lattices_are_for_one_or_two_single_integrators(tmp_path: Path, changes: dict[str, Any], found: str) -> None:
-    message = refusal(write(tmp_path, flight_settings(changes)))
+    message = refusal(write(tmp_path, drone_settings(changes)))
     assert f"algorithm.policy lattice: made for one or two single integrators, {found}" in message
     assert message.endswith("take soft_actor_critic")
     other = {"kind": "soft_actor_critic"}
-    assert load_experiment(write(tmp_path, flight_settings({**changes, "algorithm.policy": other})))
+    assert load_experiment(write(tmp_path, drone_settings({**changes, "algorithm.policy": other})))
 
 
 @pytest.mark.parametrize(
     ("drones", "spacing", "horizon", "values"),
     [
-        (1, 0.01, 6, 161 * 121 * MOVES * 62**2),  # moves of 0.3 m reach 30 nodes each way, and one more
-        (2, 0.02, 6, 2 * 81 * 61 * MOVES * 32**2),
+        (1, 0.01, 6, 161 * 121 * LATTICE_ACTIONS * 62**2),  # actions of 0.3 m reach 30 nodes each way, and one more
+        (2, 0.02, 6, 2 * 81 * 61 * LATTICE_ACTIONS * 32**2),
         (2, 0.1, 10_000, (17 * 13) ** 2 * 10_002),  # values at all steps
     ],
 )
 def test_lattices_must_fit_into_memory(tmp_path: Path, drones: int, spacing: float, horizon: int, values: int) -> None:
-    changes = {"game.drones": ROOM["drones"][:drones], "game.horizon": horizon}
-    message = refusal(write(tmp_path, flight_settings({**changes, "algorithm.policy.spacing": spacing})))
+    changes = {"game.drones": ARENA["drones"][:drones], "game.horizon": horizon}
+    message = refusal(write(tmp_path, drone_settings({**changes, "algorithm.policy.spacing": spacing})))
     assert f"spacing {spacing:g} m makes {values:.2g} values, expected at most {MAX_VALUES:.2g}; take a la" in message
-    assert load_experiment(write(tmp_path, flight_settings({**changes, "algorithm.policy.spacing": 2 * spacing})))
+    assert load_experiment(write(tmp_path, drone_settings({**changes, "algorithm.policy.spacing": 2 * spacing})))
 
 
 @pytest.mark.parametrize(("drones", "spacing"), [(1, 0.03), (2, 0.1), (2, 0.8)])
 def test_what_is_checked_is_what_is_kept(drones: int, spacing: float) -> None:
-    game = room(drones)
+    game = arena(drones)
     lattice = Lattice(game, spacing)
-    assert len(moves(1.0)[0]) == MOVES
-    assert lattice.everywhere.nodes.shape[2] == math.prod(game.settings.window(spacing))
+    assert len(action_set(1.0)[0]) == LATTICE_ACTIONS
+    assert lattice.everywhere.nodes.shape[2] == math.prod(game.settings.stencil_shape(spacing))
     assert lattice.everywhere.weights.shape == (
         len(lattice.nodes),
         drones,
-        MOVES,
-        math.prod(game.settings.window(spacing)),
+        LATTICE_ACTIONS,
+        math.prod(game.settings.stencil_shape(spacing)),
     )
 
 
 @pytest.mark.parametrize("spacing", [0.0, -0.1, 1e-320])
 def test_lattices_have_a_spacing(tmp_path: Path, spacing: float) -> None:
-    message = refusal(write(tmp_path, flight_settings({"algorithm.policy.spacing": spacing})))
+    message = refusal(write(tmp_path, drone_settings({"algorithm.policy.spacing": spacing})))
     assert message.startswith("algorithm.policy.lattice.spacing: Input should be greater than or equal to")
 
 
 def test_a_lattice_may_be_as_coarse_as_its_corners(tmp_path: Path) -> None:
-    assert load_experiment(write(tmp_path, flight_settings({"algorithm.policy.spacing": 1000.0})))
+    assert load_experiment(write(tmp_path, drone_settings({"algorithm.policy.spacing": 1000.0})))
 
 
 @pytest.mark.parametrize(
@@ -179,11 +179,17 @@ def test_a_lattice_may_be_as_coarse_as_its_corners(tmp_path: Path) -> None:
     [
         ({"game.kind": "chess"}, "game: Input tag 'chess'"),
         ({"game.horizon": 0}, "game.horizon: Input should be greater than or equal to 1 (given: 0)"),
-        ({"game.drones.1.door.radius": -1}, "game.drones.1.door.radius: Input should be greater than or equal to"),
-        ({"game.drones.0.start": [0.5, 0.6]}, "game: start of drone 1 touches the pillar at (0.8, 0.6)"),
+        (
+            {"game.drones.1.goal_region.radius": -1},
+            "game.drones.1.goal_region.radius: Input should be greater than or equal to",
+        ),
+        ({"game.drones.0.start": [0.5, 0.6]}, "game: start of drone 1 touches the obstacle at (0.8, 0.6)"),
         ({"game.features.wings": 2}, "game.features.wings: Extra inputs are not permitted (given: 2)"),
+        ({"game.room": [1.6, 1.2]}, "game.room: now arena; rename it (given: [1.6, 1.2])"),
+        ({"game.pillars": []}, "game.pillars: now obstacles; rename it (given: [])"),
+        ({"game.drones.0.door": 1}, "game.drones.0.door: now goal_region; rename it (given: 1)"),
         ({"game": 7}, "game: Input should be"),
-        ({"game": {"kind": "drones", "room": [1, 1]}}, "game.drones: Field required"),
+        ({"game": {"kind": "drones", "arena": [1, 1]}}, "game.drones: Field required"),
         (
             {"algorithm.rollouts": 1_000_000, "game.horizon": 10_000},
             "algorithm.rollouts 1000000: expected at most 9999",
@@ -192,18 +198,18 @@ def test_a_lattice_may_be_as_coarse_as_its_corners(tmp_path: Path) -> None:
     ids=lambda value: str(value)[:40] if isinstance(value, dict) else "",
 )
 def test_wrong_settings_are_named_as_in_the_file(tmp_path: Path, changes: dict[str, Any], message: str) -> None:
-    assert message in refusal(write(tmp_path, flight_settings(changes)))
+    assert message in refusal(write(tmp_path, drone_settings(changes)))
 
 
 def test_the_digest_is_of_the_game_too() -> None:
     digests = {
-        flight_experiment(changes).digest
+        drone_experiment(changes).digest
         for changes in (
             {},
-            {"game.pillars": []},
+            {"game.obstacles": []},
             {"algorithm.policy.spacing": 0.3},
             {"algorithm.policy.temperature": 2.0},
         )
     }
     assert len(digests) == 4
-    assert flight_experiment({"demonstrations.side": "random"}).digest in digests
+    assert drone_experiment({"demonstrations.side": "random"}).digest in digests

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from rooms import SlowRoom, double, random_flights, room
+from arenas import SlowArena, arena, double, random_rollouts
 
 from mabirds_core.arrays import Array, Vector
 from mabirds_core.games.drones.features import DroneReward, RbfGrid, total_reward
@@ -12,18 +12,18 @@ from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.interface import Visitation, discounted_visitation
 
 every_game = pytest.mark.parametrize("drones", [1, 2, 3])
-make_either = pytest.mark.parametrize("make", [room, double])
+make_either = pytest.mark.parametrize("make", [arena, double])
 
 
 def some_visitation(game: DroneGame, seed: int = 0) -> Visitation:
-    """Pairs of random flights with weights of either sign."""
-    states, actions, _ = discounted_visitation(random_flights(game, 8, seed), game.discount)
+    """Pairs of random rollouts with weights of either sign."""
+    states, actions, _ = discounted_visitation(random_rollouts(game, 8, seed), game.discount)
     return Visitation(states, actions, np.random.default_rng(seed).normal(size=len(states)))
 
 
 def slow_costs(game: DroneGame, state: Vector, action: Vector) -> list[float]:
-    """phi(s, a): place bumps drone by drone, distance bumps pair by pair, efforts."""
-    slow, longest = SlowRoom(game.settings), game.dynamics.max_action
+    """phi(s, a): place RBFs drone by drone, distance RBFs pair by pair, efforts."""
+    slow, longest = SlowArena(game.settings), game.dynamics.max_action
     places, controls = game.positions(state).tolist(), game.controls(action).tolist()
     return [
         *(cost for i, place in enumerate(places) for cost in slow.place_costs(i, place)),
@@ -37,8 +37,8 @@ def slow_costs(game: DroneGame, state: Vector, action: Vector) -> list[float]:
 
 
 def slow_rewards(game: DroneGame, state: Vector, action: Vector) -> list[float]:
-    """f(s, a): place bumps drone by drone."""
-    slow = SlowRoom(game.settings)
+    """f(s, a): place RBFs drone by drone."""
+    slow = SlowArena(game.settings)
     return [value for place in game.positions(state).tolist() for value in slow.place_rewards(place)]
 
 
@@ -82,7 +82,7 @@ def test_terms_of_drones_and_pairs_add_up_to_the_weighted_features(
 
 @every_game
 def test_there_is_one_name_a_feature_and_none_twice(drones: int) -> None:
-    game = room(drones)
+    game = arena(drones)
     visitation = some_visitation(game)
     for features in (game.cost_features, game.reward_features):
         assert len(features.names) == len(set(features.names)) == len(features.total(visitation))
@@ -92,8 +92,8 @@ def test_there_is_one_name_a_feature_and_none_twice(drones: int) -> None:
 
 
 def test_names_say_what_the_features_are_of() -> None:
-    """Each named place bump is at its largest, 1, there; the last drone's effort is its own."""
-    game = room(2)
+    """Each named place RBF is at its largest, 1, there; the last drone's effort is its own."""
+    game = arena(2)
     names = game.cost_features.names
     assert names[:2] == ("drone_1 near (0.00, 0.00) m", "drone_1 near (0.00, 0.40) m")
     assert names[40:] == (
@@ -109,11 +109,11 @@ def test_names_say_what_the_features_are_of() -> None:
     assert one[42:].tolist() == [0.0, pytest.approx(0.3)]
 
 
-def test_cost_bumps_fade_at_a_drones_own_door_and_reward_bumps_do_not() -> None:
-    game = room(2)
-    k = len(game.cost_features.lattice.nodes)
-    at_first_door = np.array([[1.3, 1.0, 1.3, 1.0]])
-    visitation = Visitation(at_first_door, np.zeros((1, 4)), np.ones(1))
+def test_cost_rbfs_fade_at_a_drones_own_goal_region_and_reward_rbfs_do_not() -> None:
+    game = arena(2)
+    k = len(game.cost_features.grid.nodes)
+    at_first_goal = np.array([[1.3, 1.0, 1.3, 1.0]])
+    visitation = Visitation(at_first_goal, np.zeros((1, 4)), np.ones(1))
     costs, rewards = game.cost_features.total(visitation), game.reward_features.total(visitation)
     assert not costs[:k].any()
     assert costs[k : 2 * k].max() > 0.5
@@ -122,9 +122,9 @@ def test_cost_bumps_fade_at_a_drones_own_door_and_reward_bumps_do_not() -> None:
 
 
 def test_the_fade_is_one_radius_wide() -> None:
-    """At one radius from the door's middle 1 - exp(-1/2) of every bump is left; the other drone's bumps are whole."""
-    game = room(2)
-    nodes = game.cost_features.lattice.nodes
+    """At one radius from the goal region's centre 1 - exp(-1/2) of every RBF is left, and all of the other drone's."""
+    game = arena(2)
+    nodes = game.cost_features.grid.nodes
     place = np.array([1.3 - 0.2, 1.0])
     visitation = Visitation(np.concatenate([place, place])[None], np.zeros((1, 4)), np.ones(1))
     found = game.cost_features.total(visitation)[: len(nodes)]
@@ -133,19 +133,19 @@ def test_the_fade_is_one_radius_wide() -> None:
 
 
 @pytest.mark.parametrize("counts", [(1, 1), (1, 4), (3, 2), (7, 5)])
-def test_bump_lattices_sum_bumps_of_every_node(counts: tuple[int, int]) -> None:
+def test_rbf_grids_sum_rbfs_of_every_node(counts: tuple[int, int]) -> None:
     rng = np.random.default_rng(6)
     lattice, places, by_place = RbfGrid((2.0, 1.0), counts, 0.3), rng.random((11, 2)) * 2, rng.normal(size=11)
     assert lattice.nodes.shape == (lattice.size, 2)
-    bumps = np.exp(-((places[:, None] - lattice.nodes) ** 2).sum(axis=-1) / (2 * 0.3**2))
-    np.testing.assert_allclose(lattice.total(places, by_place), by_place @ bumps, rtol=0, atol=1e-12)
+    rbfs = np.exp(-((places[:, None] - lattice.nodes) ** 2).sum(axis=-1) / (2 * 0.3**2))
+    np.testing.assert_allclose(lattice.total(places, by_place), by_place @ rbfs, rtol=0, atol=1e-12)
     by_node = rng.normal(size=lattice.size)
-    np.testing.assert_allclose(lattice.values(by_node, places), bumps @ by_node, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(lattice.values(by_node, places), rbfs @ by_node, rtol=0, atol=1e-12)
 
 
-def test_the_true_constraints_of_a_room_by_hand() -> None:
-    """Nodes every 0.4 m; 0.25 m around the pillar at (0.8, 0.6) are taken, which are two of them, and 0.2 m < 0.3 m."""
-    game = room(3)
+def test_the_true_constraints_of_an_arena_by_hand() -> None:
+    """Nodes every 0.4 m; 0.25 m around the obstacle at (0.8, 0.6) are taken, two of them, and 0.2 m < 0.3 m."""
+    game = arena(3)
     found = game.true_constraints
     taken = {name for name, true in zip(game.cost_features.names, found, strict=True) if true}
     assert taken == {
@@ -154,18 +154,18 @@ def test_the_true_constraints_of_a_room_by_hand() -> None:
     }
 
 
-def test_a_node_at_the_exact_distance_of_a_pillar_is_no_true_constraint() -> None:
-    """The node (0.5, 0.5) is 0.5 m from a pillar of 0.25 m, and so large is the drone; nothing is rounded."""
-    square = {"room": (1.0, 1.0), "features.cost_spacing": 0.5, "drone_radius": 0.25, "drones.0.start": (0.0, 0.0)}
-    places = {"pillars": [{"centre": (1.0, 0.5), "radius": 0.25}], "drones.0.door.centre": (0.0, 1.0)}
-    assert np.flatnonzero(room(1, {**square, **places}).true_constraints).tolist() == [7]
-    places = {"pillars": [{"centre": (1.0, 0.5), "radius": 0.2501}], "drones.0.door.centre": (0.0, 1.0)}
-    assert np.flatnonzero(room(1, {**square, **places}).true_constraints).tolist() == [4, 6, 7, 8]
+def test_a_node_at_the_exact_distance_of_a_obstacle_is_no_true_constraint() -> None:
+    """The node (0.5, 0.5) is 0.5 m from an obstacle of 0.25 m, and so large is the drone; nothing is rounded."""
+    square = {"arena": (1.0, 1.0), "features.cost_spacing": 0.5, "drone_radius": 0.25, "drones.0.start": (0.0, 0.0)}
+    places = {"obstacles": [{"centre": (1.0, 0.5), "radius": 0.25}], "drones.0.goal_region.centre": (0.0, 1.0)}
+    assert np.flatnonzero(arena(1, {**square, **places}).true_constraints).tolist() == [7]
+    places = {"obstacles": [{"centre": (1.0, 0.5), "radius": 0.2501}], "drones.0.goal_region.centre": (0.0, 1.0)}
+    assert np.flatnonzero(arena(1, {**square, **places}).true_constraints).tolist() == [4, 6, 7, 8]
 
 
 def test_who_breaks_no_constraint_stays_out_of_the_middles_of_true_ones() -> None:
-    """A drone that is at the middle of a bump of a true constraint touches a pillar; distances alike."""
-    game = room(1)
-    nodes = game.cost_features.lattice.nodes
-    touching = game.pillar_clearance(np.stack([nodes, nodes], axis=1))[:, 0, 0] < 0
+    """A drone that is at the centre of an RBF of a true constraint touches an obstacle; distances alike."""
+    game = arena(1)
+    nodes = game.cost_features.grid.nodes
+    touching = game.obstacle_clearance(np.stack([nodes, nodes], axis=1))[:, 0, 0] < 0
     np.testing.assert_array_equal(game.true_constraints[: len(nodes)], touching)

@@ -4,10 +4,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from arenas import drone_experiment, drone_streams
 from experiments import demonstrations, experiment
 from games import central_differences
 from identity import assert_same_histories, bits
-from rooms import flight_experiment, flights
 
 from mabirds_core.algorithm.gradient import stacked
 from mabirds_core.algorithm.learner import Learner, LearnerState
@@ -39,7 +39,7 @@ from mabirds_core.planners.soft_bellman import soft_bellman_policy
 
 NEURAL = {"algorithm.reward": {"kind": "neural", "hidden": 4, "bound": 5.0}}
 FROM_DEMONSTRATIONS = {"algorithm.rollout_start": "demonstration"}
-ALONE = {"game.drones": [{"start": (0.3, 0.3), "door": {"centre": (1.3, 1.0), "radius": 0.2}}]}
+ALONE = {"game.drones": [{"start": (0.3, 0.3), "goal_region": {"centre": (1.3, 1.0), "radius": 0.2}}]}
 
 every_kind = pytest.mark.parametrize(
     "changes", [{}, NEURAL, FROM_DEMONSTRATIONS, ALONE], ids=["linear", "neural", "from demonstrations", "alone"]
@@ -48,17 +48,17 @@ every_kind = pytest.mark.parametrize(
 
 @every_kind
 def test_the_same_seed_gives_the_same_bits_and_another_seed_others(changes: dict[str, Any]) -> None:
-    settings = flight_experiment(changes)
-    streams = flights(settings)
+    settings = drone_experiment(changes)
+    streams = drone_streams(settings)
     first, again = (simulate(settings, streams) for _ in range(2))
     assert_same_histories(first, again)
-    other = simulate(flight_experiment({**changes, "seed": 4}), streams)
+    other = simulate(drone_experiment({**changes, "seed": 4}), streams)
     assert (other["ann"][-1].omega != first["ann"][-1].omega).any()
 
 
 def test_every_learner_learns_both_parameters() -> None:
-    settings = flight_experiment()
-    for parameters in simulate(settings, flights(settings)).values():
+    settings = drone_experiment()
+    for parameters in simulate(settings, drone_streams(settings)).values():
         assert len(parameters) == settings.iterations + 1
         assert not parameters[0].theta.any()
         assert parameters[-1].theta.any()
@@ -72,8 +72,8 @@ def updated(learner: Learner, state: LearnerState, stream: list[Trajectories]) -
 
 @every_kind
 def test_a_learner_goes_on_from_its_arrays_bit_for_bit(changes: dict[str, Any]) -> None:
-    settings = flight_experiment({**changes, "learners": ["ann"]})
-    learner, stream = build_learner(settings, "ann"), flights(settings)["ann"]
+    settings = drone_experiment({**changes, "learners": ["ann"]})
+    learner, stream = build_learner(settings, "ann"), drone_streams(settings)["ann"]
     state = learner.initial_state()
     for _ in range(settings.iterations - 1):
         arrays = {name: values.copy() for name, values in to_arrays(learner, state).items()}
@@ -85,8 +85,8 @@ def test_a_learner_goes_on_from_its_arrays_bit_for_bit(changes: dict[str, Any]) 
 
 
 def test_a_checkpoint_holds_parameters_and_the_demonstrations_of_the_window() -> None:
-    settings = flight_experiment({"learners": ["ann"]})
-    learner, stream = build_learner(settings, "ann"), flights(settings)["ann"]
+    settings = drone_experiment({"learners": ["ann"]})
+    learner, stream = build_learner(settings, "ann"), drone_streams(settings)["ann"]
     state = updated(learner, updated(learner, learner.initial_state(), stream), stream)
     arrays = to_arrays(learner, state)
     assert set(arrays) == {"theta", "omega", *(f"recent.{k}.{of}" for k in (0, 1) for of in ("states", "actions"))}
@@ -95,10 +95,10 @@ def test_a_checkpoint_holds_parameters_and_the_demonstrations_of_the_window() ->
 
 
 @pytest.mark.parametrize("name", ["theta", "omega", "recent.0.states"])
-def test_arrays_of_another_room_are_refused(name: str) -> None:
-    settings = flight_experiment({"learners": ["ann"]})
+def test_arrays_of_another_arena_are_refused(name: str) -> None:
+    settings = drone_experiment({"learners": ["ann"]})
     learner = build_learner(settings, "ann")
-    arrays = to_arrays(learner, updated(learner, learner.initial_state(), flights(settings)["ann"]))
+    arrays = to_arrays(learner, updated(learner, learner.initial_state(), drone_streams(settings)["ann"]))
     arrays[name] = arrays[name][:-1]
     with pytest.raises(MabirdsError, match="expected"):
         from_arrays(learner, 2, arrays)
@@ -106,8 +106,12 @@ def test_arrays_of_another_room_are_refused(name: str) -> None:
 
 def test_a_learners_gradient_is_that_of_rollouts_less_demonstrations() -> None:
     """With its own generator, (seed, learner, iteration), and rollouts from P_0."""
-    settings = flight_experiment({"learners": ["ann"], "algorithm.window": 1})
-    learner, game, demonstration = build_learner(settings, "ann"), drone_game(settings), flights(settings)["ann"][0]
+    settings = drone_experiment({"learners": ["ann"], "algorithm.window": 1})
+    learner, game, demonstration = (
+        build_learner(settings, "ann"),
+        drone_game(settings),
+        drone_streams(settings)["ann"][0],
+    )
     rng = np.random.default_rng(0)
     at = Parameters(*(rng.normal(size=values.shape) for values in learner.initial_state().parameters))
     found = learner.step(LearnerState(3, StrictState(at), ()), demonstration, {}).gradient
@@ -120,20 +124,20 @@ def test_a_learners_gradient_is_that_of_rollouts_less_demonstrations() -> None:
 
 def test_rollouts_begin_where_demonstrations_did() -> None:
     """Of two demonstrations that begin at the same place: the visitation at step 0 cancels out but for the effort."""
-    settings = flight_experiment({**FROM_DEMONSTRATIONS, "game.discount": 1e-9})
-    game, demonstration = drone_game(settings), flights(settings)["ann"][0]
+    settings = drone_experiment({**FROM_DEMONSTRATIONS, "game.discount": 1e-9})
+    game, demonstration = drone_game(settings), drone_streams(settings)["ann"][0]
     estimator = build_estimator(settings, game, build_reward(settings, game))
     gradient = estimator(estimator.initial_parameters(0), demonstration, np.random.default_rng(0)).gradient
     np.testing.assert_allclose(gradient.theta, 0, atol=1e-8)
     np.testing.assert_allclose(gradient.omega[:-2], 0, atol=1e-8)
-    free = build_estimator(flight_experiment({"game.discount": 1e-9}), game, build_reward(settings, game))
+    free = build_estimator(drone_experiment({"game.discount": 1e-9}), game, build_reward(settings, game))
     gradient = free(free.initial_parameters(0), demonstration, np.random.default_rng(0)).gradient
     assert np.abs(gradient.theta).max() > 1e-3
 
 
 def log_likelihood(policy: LatticePolicy, game: DroneGame, seen: Trajectories) -> float:
     """Of the lattice's moves that are nearest to the demonstrated ones."""
-    velocities, _ = policy.lattice.moves
+    velocities, _ = policy.lattice.action_set
     total = 0.0
     for step in range(game.horizon + 1):
         logs = policy.log_weights(step, seen.states[:, step])
@@ -147,18 +151,18 @@ def log_likelihood(policy: LatticePolicy, game: DroneGame, seen: Trajectories) -
 @pytest.mark.parametrize("changes", [{}, NEURAL], ids=["linear", "neural"])
 def test_learning_makes_demonstrations_that_were_not_seen_likelier(changes: dict[str, Any]) -> None:
     steps = {"algorithm.steps": {"alpha": 1.0, "beta": 1.0}, "algorithm.rollouts": 40, **FROM_DEMONSTRATIONS}
-    settings = flight_experiment({**steps, **changes, "iterations": 20, "demonstrations.per_learner": 20})
+    settings = drone_experiment({**steps, **changes, "iterations": 20, "demonstrations.per_learner": 20})
     game = drone_game(settings)
-    history = simulate(settings, flights(settings))
-    unseen = stacked(flights(settings, seed=1)["ann"])
+    history = simulate(settings, drone_streams(settings))
+    unseen = stacked(drone_streams(settings, seed=1)["ann"])
     meaning = evaluation_policy(settings, "ann", game)
     before, after = (log_likelihood(meaning(history["ann"][n]), game, unseen) for n in (0, -1))
     assert after > before + 3
 
 
 def test_every_drone_method_but_me_greedy_runs_and_repeats() -> None:
-    settings = flight_experiment({"iterations": 3})
-    streams = flights(settings)
+    settings = drone_experiment({"iterations": 3})
+    streams = drone_streams(settings)
     for name in set(method_names()) - {"me_greedy"}:
         one, again = (simulate_central(settings, name, streams) for _ in range(2))
         assert_same_histories(one, again)
@@ -167,7 +171,7 @@ def test_every_drone_method_but_me_greedy_runs_and_repeats() -> None:
 
 @pytest.mark.parametrize("call", [build_method, evaluation_policy])
 def test_me_greedy_is_refused_for_drones(call: Any) -> None:
-    settings = flight_experiment()
+    settings = drone_experiment()
     arguments = (settings, "me_greedy") if call is build_method else (settings, "me_greedy", build_game(settings))
     with pytest.raises(ExperimentError, match="method me_greedy is made for tabular games, and the game is drones"):
         call(*arguments)
@@ -175,16 +179,16 @@ def test_me_greedy_is_refused_for_drones(call: Any) -> None:
 
 def test_games_of_the_other_kind_are_refused() -> None:
     assert isinstance(patrol_game(experiment()), PatrolGame)
-    assert isinstance(drone_game(flight_experiment()), DroneGame)
-    with pytest.raises(ExperimentError, match="flights: the game is drones, expected patrol"):
-        patrol_game(flight_experiment())
+    assert isinstance(drone_game(drone_experiment()), DroneGame)
+    with pytest.raises(ExperimentError, match="drones: the game is drones, expected patrol"):
+        patrol_game(drone_experiment())
     with pytest.raises(ExperimentError, match="tiny: the game is patrol, expected drones"):
         drone_game(experiment())
 
 
 @pytest.mark.parametrize(("changes", "model"), [({}, LinearDroneReward), (NEURAL, NeuralDroneReward)])
 def test_the_reward_model_is_that_of_the_settings(changes: dict[str, Any], model: type[Any]) -> None:
-    settings = flight_experiment(changes)
+    settings = drone_experiment(changes)
     assert isinstance(build_learner(settings, "ann").estimator.reward, model)
     assert isinstance(me_gradient(settings).estimator.reward, TrueDroneReward)
     planner: Any = build_learner(settings, "ann").estimator.planner
@@ -221,9 +225,9 @@ def test_me_gradient_of_patrols_ascends_the_likelihood_under_the_true_reward() -
 
 
 def test_me_gradient_of_drones_descends_the_difference_of_cost_features_alone() -> None:
-    settings = flight_experiment({"baselines": {"me_gradient": {"steps": {"alpha": 3.0, "beta": 1.0}}}})
+    settings = drone_experiment({"baselines": {"me_gradient": {"steps": {"alpha": 3.0, "beta": 1.0}}}})
     game, method = drone_game(settings), me_gradient(settings)
-    seen = stacked([stream[0] for stream in flights(settings).values()])
+    seen = stacked([stream[0] for stream in drone_streams(settings).values()])
     after = method.update(method.initial_state(), seen).parameters
     none = np.zeros(len(game.cost_features.names))
     policy = LatticePlanner(game, TrueDroneReward(game), 0.4, 1.0).plan(np.zeros(0), none)
@@ -235,7 +239,7 @@ def test_me_gradient_of_drones_descends_the_difference_of_cost_features_alone() 
 
 
 def test_policies_are_judged_with_the_reward_that_their_parameters_belong_to() -> None:
-    settings = flight_experiment()
+    settings = drone_experiment()
     game = drone_game(settings)
     omega = np.random.default_rng(0).normal(size=len(game.cost_features.names))
     found = evaluation_policy(settings, "me_gradient", game)(Parameters(np.zeros(0), omega))

@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from arenas import arena, double, random_rollouts
 from games import central_differences
-from rooms import double, random_flights, room
 
 from mabirds_core.arrays import Vector
 from mabirds_core.games.drones.features import total_reward
@@ -21,12 +21,12 @@ def neural(game: DroneGame) -> NeuralDroneReward:
 
 
 Make = Callable[[DroneGame], DroneRewardModel]
-every_game = pytest.mark.parametrize("game", [room(1), room(2), room(3), double(2)], ids=["1", "2", "3", "double"])
+every_game = pytest.mark.parametrize("game", [arena(1), arena(2), arena(3), double(2)], ids=["1", "2", "3", "double"])
 every_model = pytest.mark.parametrize("make", [LinearDroneReward, neural], ids=["linear", "neural"])
 
 
-def visitation_of(game: DroneGame, flights: int = 6) -> Visitation:
-    return discounted_visitation(random_flights(game, flights), game.discount)
+def visitation_of(game: DroneGame, rollouts: int = 6) -> Visitation:
+    return discounted_visitation(random_rollouts(game, rollouts), game.discount)
 
 
 def some_theta(of: DroneRewardModel, seed: int = 0, scale: float = 1.0) -> Vector:
@@ -54,8 +54,8 @@ def test_the_gradient_is_that_of_finite_differences(game: DroneGame, make: Make,
 @every_model
 def test_a_gradient_leaves_its_arguments_and_takes_those_that_cannot_be_written_to(make: Make) -> None:
     """As messages and the weights of a single trajectory are; torch would warn, which is an error here."""
-    game = room(2)
-    model, over = make(game), visitation_of(game, flights=1)
+    game = arena(2)
+    model, over = make(game), visitation_of(game, rollouts=1)
     theta = some_theta(model)
     expected, before = model.gradient(theta.copy(), over), theta.copy()
     theta.flags.writeable = False
@@ -86,13 +86,13 @@ def test_every_reward_is_zero_at_first(game: DroneGame, make: Make) -> None:
 
 @every_model
 def test_the_first_parameters_are_those_of_the_seed(make: Make) -> None:
-    model = make(room(2))
+    model = make(arena(2))
     one, same = (model.initial(np.random.default_rng(3)) for _ in range(2))
     np.testing.assert_array_equal(one, same)
 
 
 def test_a_neural_reward_can_leave_zero() -> None:
-    game = room(2)
+    game = arena(2)
     model = neural(game)
     theta = model.initial(np.random.default_rng(0))
     assert np.abs(model.gradient(theta, visitation_of(game))).max() > 0.05
@@ -110,7 +110,7 @@ def test_a_neural_reward_is_bounded_for_every_theta(game: DroneGame, scale: floa
 
 def test_a_neural_reward_is_that_of_its_formula() -> None:
     """C / N_E tanh( sum_h tanh(v_h) tanh(U_h x + b_h) ), unit by unit."""
-    game = room(2)
+    game = arena(2)
     model = neural(game)
     theta = some_theta(model, scale=2)
     states = np.array([[0.2, 1.1], [1.4, 0.3], [0.0, 0.0]])
@@ -136,8 +136,8 @@ def test_linear_rewards_weigh_the_reward_features(game: DroneGame) -> None:
 
 
 def test_the_true_reward_counts_the_drones_under_way() -> None:
-    """Doors at (1.3, 1.0) with 0.2 m and (0.2, 0.9) with 0.25 m; 0.5 a step for each drone that is not there."""
-    game = room(2)
+    """Goal regions at (1.3, 1.0) with 0.2 m and (0.2, 0.9) with 0.25 m; 0.5 a step for each drone that is not there."""
+    game = arena(2)
     states = np.array([[0.3, 0.3, 1.3, 0.2], [1.3, 1.0, 1.3, 0.2], [0.3, 0.3, 0.2, 0.66], [1.3, 0.81, 0.2, 0.9]])
     found = total_reward(game.space, TrueDroneReward(game), np.zeros(0), states, np.ones((4, 4)))
     assert found.tolist() == [-1.0, -0.5, -0.5, 0.0]
@@ -155,7 +155,7 @@ def test_the_true_reward_has_no_parameters(game: DroneGame) -> None:
 
 @pytest.mark.parametrize("make", [LinearDroneReward, neural, TrueDroneReward], ids=["linear", "neural", "true"])
 def test_no_reward_model_has_terms_of_pairs(make: Make) -> None:
-    model, distances = make(room(2)), np.array([[0.0, 0.1], [0.5, 2.0]])
+    model, distances = make(arena(2)), np.array([[0.0, 0.1], [0.5, 2.0]])
     found = model.pairwise(some_theta(model), 0, distances)
     assert found.shape == distances.shape
     assert not found.any()

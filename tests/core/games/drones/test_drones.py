@@ -5,15 +5,20 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rooms import RandomPilot, SlowRoom, double, joint, random_flights, room
+from arenas import RandomPilot, SlowArena, arena, double, joint, random_rollouts
 
 from mabirds_core.arrays import Array
 from mabirds_core.errors import ImpossibleTrajectoryError
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.rollouts import drone_rollouts
 
-make_either = pytest.mark.parametrize("make", [room, double])
-HALL = {"room": (100.0, 50.0), "pillars": [], "drones.0.door.centre": (99.0, 49.0), "drones.0.start": (20.0, 20.0)}
+make_either = pytest.mark.parametrize("make", [arena, double])
+HALL = {
+    "arena": (100.0, 50.0),
+    "obstacles": [],
+    "drones.0.goal_region.centre": (99.0, 49.0),
+    "drones.0.start": (20.0, 20.0),
+}
 """So large that nothing is in the way."""
 
 
@@ -26,7 +31,7 @@ def fly(game: DroneGame, start: Array, actions: Array) -> Array:
 
 
 def test_a_single_integrator_flies_straight_at_its_velocity() -> None:
-    game = room(1, HALL)
+    game = arena(1, HALL)
     states = fly(game, np.array([20.0, 20.0]), np.tile([0.6, -0.8], (40, 1)))
     np.testing.assert_allclose(states, [20, 20] + 0.25 * np.arange(41)[:, None] * [0.6, -0.8], rtol=0, atol=1e-12)
 
@@ -47,7 +52,7 @@ def test_without_acceleration_a_double_integrator_keeps_its_velocity() -> None:
 
 
 def test_longer_actions_are_shortened_in_their_direction() -> None:
-    single, heavy = room(1, HALL), double(1, {**HALL, "max_speed": 100.0})
+    single, heavy = arena(1, HALL), double(1, {**HALL, "max_speed": 100.0})
     here = np.array([[20.0, 20.0]])
     after = single.step(here, np.array([[3e5, -4e5]]))
     np.testing.assert_allclose(after, here + 0.25 * 1.2 * np.array([[0.6, -0.8]]), rtol=0, atol=1e-12)
@@ -81,16 +86,16 @@ def test_walls_stop_drones(make: Callable[..., DroneGame]) -> None:
 
 
 def test_a_drone_slides_along_a_wall() -> None:
-    game = room(1)
+    game = arena(1)
     after = game.step(np.array([[0.5, 0.0]]), np.array([[0.6, -0.8]]))
     np.testing.assert_allclose(after, [[0.5 + 0.25 * 0.6, 0.0]], rtol=0, atol=1e-15)
 
 
 @make_either
-def test_a_drone_at_its_door_rests_there_for_ever_and_only_there(make: Callable[..., DroneGame]) -> None:
+def test_a_drone_at_its_goal_region_rests_there_for_ever_and_only_there(make: Callable[..., DroneGame]) -> None:
     game = make(2)
     states = np.zeros((1, 2, game.dynamics.drone_size))
-    states[0, :, :2] = [[1.3, 0.81], [1.3, 0.99]]  # 0.19 m from the door of the first, far from that of the second
+    states[0, :, :2] = [[1.3, 0.81], [1.3, 0.99]]  # 0.19 m from the goal of the first, far from that of the second
     states[0, :, 2:] = 0.7
     after = game.drones(game.step(joint(states), np.array([[0.5, 0.5, -0.5, -0.5]])))
     np.testing.assert_array_equal(after[0, 0, :2], [1.3, 0.81])
@@ -98,16 +103,16 @@ def test_a_drone_at_its_door_rests_there_for_ever_and_only_there(make: Callable[
     assert (after[0, 1, :2] != [1.3, 0.99]).any()
 
 
-def test_the_rim_of_a_door_belongs_to_it() -> None:
-    game = room(1, {"drones.0.door": {"centre": (1.0, 1.0), "radius": 0.25}})
+def test_the_rim_of_a_goal_region_belongs_to_it() -> None:
+    game = arena(1, {"drones.0.goal_region": {"centre": (1.0, 1.0), "radius": 0.25}})
     states = np.array([[1.0, 0.75], [0.75, 1.0], [1.0, np.nextafter(0.75, 0)], [0.8, 0.8]])
     assert game.arrived(states)[:, 0].tolist() == [True, True, False, False]
 
 
 def test_a_single_integrator_flies_by_the_rules_written_once_more() -> None:
-    game, rng = room(3), np.random.default_rng(1)
-    slow = SlowRoom(game.settings)
-    states = joint(rng.uniform(0, game.room, size=(400, 3, 2)))
+    game, rng = arena(3), np.random.default_rng(1)
+    slow = SlowArena(game.settings)
+    states = joint(rng.uniform(0, game.arena, size=(400, 3, 2)))
     actions = RandomPilot(game, longest=1.5).act(0, states, rng)
     found = game.positions(game.step(states, actions))
     for before, controls, after in zip(game.positions(states), game.controls(actions), found, strict=True):
@@ -120,23 +125,23 @@ def test_a_single_integrator_flies_by_the_rules_written_once_more() -> None:
 def test_torch_flies_as_numpy_does(make: Callable[..., DroneGame]) -> None:
     torch = pytest.importorskip("torch")
     game = make(3, {"horizon": 8})
-    flights = drone_rollouts(game, RandomPilot(game, longest=3), 50, np.random.default_rng(0))
-    drones, controls = game.drones(flights.states), game.controls(flights.actions)
+    rollouts = drone_rollouts(game, RandomPilot(game, longest=3), 50, np.random.default_rng(0))
+    drones, controls = game.drones(rollouts.states), game.controls(rollouts.actions)
     other = game.dynamics.on("cpu", torch.float64)
     found = other.step(torch.from_numpy(drones), torch.from_numpy(controls))
     np.testing.assert_allclose(found.numpy(), game.dynamics.step(drones, controls), rtol=0, atol=1e-14)
     np.testing.assert_array_equal(
-        other.arrived(torch.from_numpy(drones[..., :2])).numpy(), game.arrived(flights.states)
+        other.arrived(torch.from_numpy(drones[..., :2])).numpy(), game.arrived(rollouts.states)
     )
 
 
 @make_either
 def test_drones_do_not_disturb_each_other(make: Callable[..., DroneGame]) -> None:
     both, alone = make(2), make(1)
-    flights = random_flights(both, 20)
+    rollouts = random_rollouts(both, 20)
     d = alone.dynamics.drone_size
-    after = both.step(flights.states[:, 0], flights.actions[:, 0])
-    own = alone.step(flights.states[:, 0, :d], flights.actions[:, 0, :2])
+    after = both.step(rollouts.states[:, 0], rollouts.actions[:, 0])
+    own = alone.step(rollouts.states[:, 0, :d], rollouts.actions[:, 0, :2])
     np.testing.assert_array_equal(after[:, :d], own)
 
 
@@ -156,7 +161,7 @@ def test_starts_are_uniform_in_their_squares_and_at_rest(make: Callable[..., Dro
 
 def test_a_square_that_reaches_beyond_the_wall_is_cut_there() -> None:
     """No drone begins outside, and none exactly at the wall, where all that lies beyond would otherwise gather."""
-    game = room(1, {"drones.0.start": (0.1, 0.1), "drones.0.start_spread": 0.3})
+    game = arena(1, {"drones.0.start": (0.1, 0.1), "drones.0.start_spread": 0.3})
     starts = game.starts(2000, np.random.default_rng(3))
     assert starts.min() > 0
     np.testing.assert_allclose(starts.mean(axis=0), 0.2, atol=0.015)  # uniform from 0 to 0.4: standard error 0.003
@@ -164,7 +169,7 @@ def test_a_square_that_reaches_beyond_the_wall_is_cut_there() -> None:
 
 
 def test_the_same_generator_gives_the_same_starts() -> None:
-    game = room(2)
+    game = arena(2)
     one, same, other = (game.starts(5, np.random.default_rng(seed)) for seed in (1, 1, 2))
     np.testing.assert_array_equal(one, same)
     assert (one != other).all()
@@ -173,36 +178,38 @@ def test_the_same_generator_gives_the_same_starts() -> None:
 @make_either
 def test_rollouts_follow_the_dynamics_step_by_step(make: Callable[..., DroneGame]) -> None:
     game = make(2)
-    flights = random_flights(game, 5)
-    assert flights.states.shape == (5, 4, game.state_size)
-    assert flights.actions.shape == (5, 4, 4)
+    rollouts = random_rollouts(game, 5)
+    assert rollouts.states.shape == (5, 4, game.state_size)
+    assert rollouts.actions.shape == (5, 4, 4)
     for t in range(game.horizon):
-        np.testing.assert_array_equal(game.step(flights.states[:, t], flights.actions[:, t]), flights.states[:, t + 1])
+        np.testing.assert_array_equal(
+            game.step(rollouts.states[:, t], rollouts.actions[:, t]), rollouts.states[:, t + 1]
+        )
 
 
 def test_rollouts_from_given_starts_begin_there_equally_often() -> None:
-    game = room(1)
+    game = arena(1)
     starts = np.array([[0.1, 0.1], [0.2, 0.2], [0.2, 0.2], [0.4, 0.4]])
-    flights = drone_rollouts(game, RandomPilot(game), 4000, np.random.default_rng(0), starts)
-    shares = [float((flights.states[:, 0, 0] == x).mean()) for x in (0.1, 0.2, 0.4)]
+    rollouts = drone_rollouts(game, RandomPilot(game), 4000, np.random.default_rng(0), starts)
+    shares = [float((rollouts.states[:, 0, 0] == x).mean()) for x in (0.1, 0.2, 0.4)]
     np.testing.assert_allclose(shares, [0.25, 0.5, 0.25], atol=0.03)
 
 
 @make_either
 @pytest.mark.parametrize("drones", [1, 2, 3])
-def test_flights_come_back_bit_for_bit(make: Callable[..., DroneGame], drones: int) -> None:
+def test_rollouts_come_back_bit_for_bit(make: Callable[..., DroneGame], drones: int) -> None:
     game = make(drones)
     for seed in range(20):
-        flight = random_flights(game, 1, seed)
-        decoded = game.decode(*game.encode(flight))
-        for found, expected in zip(decoded, flight, strict=True):
+        rollout = random_rollouts(game, 1, seed)
+        decoded = game.decode(*game.encode(rollout))
+        for found, expected in zip(decoded, rollout, strict=True):
             assert found.tobytes() == expected.tobytes()
             assert found.shape == expected.shape
 
 
 def impossible(game: DroneGame, change: Callable[[Array, Array], None]) -> str:
-    """What is said of a flight of ``game`` with a change made to its states and actions."""
-    states, actions = game.encode(random_flights(game, 1))
+    """What is said of a rollout of ``game`` with a change made to its states and actions."""
+    states, actions = game.encode(random_rollouts(game, 1))
     change(states, actions)
     with pytest.raises(ImpossibleTrajectoryError) as caught:
         game.decode(states, actions)
@@ -222,9 +229,9 @@ SINGLE = [
     (put(0, 2, 1, np.nan), "states: expected finite numbers"),
     (put(0, 2, 1, np.inf), "states: expected finite numbers"),
     (put(1, 0, 3, -np.inf), "actions: expected finite numbers"),
-    (put(0, 1, 2, 1.7, 0.5), "step 1: drone 2 is at (1.7, 0.5), outside the room (1.6, 1.2) [m]"),
-    (put(0, 3, 0, 0.5, -0.1), "step 3: drone 1 is at (0.5, -0.1), outside the room (1.6, 1.2) [m]"),
-    (put(0, 0, 0, 1e308, 1e308), "step 0: drone 1 is at (1e+308, 1e+308), outside the room"),
+    (put(0, 1, 2, 1.7, 0.5), "step 1: drone 2 is at (1.7, 0.5), outside the arena (1.6, 1.2) [m]"),
+    (put(0, 3, 0, 0.5, -0.1), "step 3: drone 1 is at (0.5, -0.1), outside the arena (1.6, 1.2) [m]"),
+    (put(0, 0, 0, 1e308, 1e308), "step 0: drone 1 is at (1e+308, 1e+308), outside the arena"),
     (put(1, 1, 2, 0.8, -1.0), "step 1: action (0.8, -1.0) of drone 2 is longer than 1.2 m/s"),
     (put(1, 3, 0, 1.7e308, 1.7e308), "step 3: action (1.7e+308, 1.7e+308) of drone 1 is longer than 1.2 m/s"),
     (put(0, 3, 2, 0.5, 0.5), "is then at (0.5, 0.5); the game allows only ("),
@@ -232,8 +239,8 @@ SINGLE = [
 
 
 @pytest.mark.parametrize(("change", "message"), SINGLE)
-def test_impossible_flights_are_refused_by_step_drone_and_value(change: Any, message: str) -> None:
-    assert message in impossible(room(2), change)
+def test_impossible_rollouts_are_refused_by_step_drone_and_value(change: Any, message: str) -> None:
+    assert message in impossible(arena(2), change)
 
 
 @pytest.mark.parametrize(
@@ -245,12 +252,12 @@ def test_impossible_flights_are_refused_by_step_drone_and_value(change: Any, mes
         (put(0, 2, 2, 1.1, 0.1), "step 1: drone 1 with action"),
     ],
 )
-def test_impossible_flights_of_double_integrators_are_refused(change: Any, message: str) -> None:
+def test_impossible_rollouts_of_double_integrators_are_refused(change: Any, message: str) -> None:
     assert message in impossible(double(2), change)
 
 
 def test_a_step_that_the_dynamics_do_not_allow_is_refused_with_the_one_that_they_do() -> None:
-    game = room(1, {"horizon": 2})
+    game = arena(1, {"horizon": 2})
     actions = np.array([[0.4, 0.0], [0.0, 0.8], [0.0, 0.0]])
     states = fly(game, np.array([0.2, 0.2]), actions[:2])
     states[2] += [0.0, 0.01]
@@ -261,15 +268,15 @@ def test_a_step_that_the_dynamics_do_not_allow_is_refused_with_the_one_that_they
     )
 
 
-def test_leaving_a_door_is_impossible() -> None:
-    game = room(1, {"horizon": 1})
+def test_leaving_a_goal_region_is_impossible() -> None:
+    game = arena(1, {"horizon": 1})
     with pytest.raises(ImpossibleTrajectoryError, match="the game allows only"):
         game.decode(np.array([[1.3, 1.0], [1.2, 1.0]]), np.array([[-0.4, 0.0], [0.0, 0.0]]))
 
 
 def test_what_is_within_the_tolerance_is_accepted_as_it_is() -> None:
-    game = room(2)
-    states, actions = game.encode(random_flights(game, 1))
+    game = arena(2)
+    states, actions = game.encode(random_rollouts(game, 1))
     states[1:] += 1e-7
     decoded = game.decode(states, actions)
     np.testing.assert_array_equal(decoded.states[0], states)
@@ -288,5 +295,5 @@ def test_what_is_within_the_tolerance_is_accepted_as_it_is() -> None:
 )
 def test_wrong_shapes_are_refused(states: tuple[int, ...], actions: tuple[int, ...], message: str) -> None:
     with pytest.raises(ImpossibleTrajectoryError) as caught:
-        room(2).decode(np.zeros(states), np.zeros(actions))
+        arena(2).decode(np.zeros(states), np.zeros(actions))
     assert str(caught.value) == message

@@ -10,21 +10,21 @@ from mabirds_core.games.drones.learned_costs import (
     closeness_costs,
     disc,
     distance_costs,
-    flown_costs,
-    pillar_costs,
+    obstacle_costs,
     place_costs,
     rim,
+    trajectory_costs,
 )
 from mabirds_core.games.drones.settings import DroneSettings
 from mabirds_core.games.interface import Trajectories, Visitation
 
-ROOM: dict[str, Any] = {
+ARENA: dict[str, Any] = {
     "kind": "drones",
-    "room": (2.0, 1.5),
-    "pillars": [{"centre": (1.0, 0.7), "radius": 0.2}, {"centre": (2.0, 0.7), "radius": 0.2}],
+    "arena": (2.0, 1.5),
+    "obstacles": [{"centre": (1.0, 0.7), "radius": 0.2}, {"centre": (2.0, 0.7), "radius": 0.2}],
     "drones": [
-        {"start": (0.3, 0.2), "door": {"centre": (1.6, 1.3), "radius": 0.2}},
-        {"start": (1.4, 0.2), "door": {"centre": (0.2, 1.2), "radius": 0.2}},
+        {"start": (0.3, 0.2), "goal_region": {"centre": (1.6, 1.3), "radius": 0.2}},
+        {"start": (1.4, 0.2), "goal_region": {"centre": (0.2, 1.2), "radius": 0.2}},
     ],
     "horizon": 3,
     "least_distance": 0.3,
@@ -35,7 +35,7 @@ RNG = np.random.default_rng(7)
 
 @pytest.fixture
 def game() -> DroneGame:
-    return DroneGame(DroneSettings.model_validate(ROOM))
+    return DroneGame(DroneSettings.model_validate(ARENA))
 
 
 @pytest.fixture
@@ -49,7 +49,7 @@ def by_features(game: DroneGame, omega: np.ndarray, places: np.ndarray) -> float
 
 
 def test_costs_of_places_and_distances_add_up_to_those_of_the_features(game: DroneGame, omega: np.ndarray) -> None:
-    for places in RNG.uniform(size=(20, 2, 2)) * game.room:
+    for places in RNG.uniform(size=(20, 2, 2)) * game.arena:
         alone = sum(float(place_costs(game, omega, drone, places[drone])) for drone in range(2))
         together = float(distance_costs(game, omega, 0, np.hypot(*(places[0] - places[1]))))
         assert alone + together == pytest.approx(by_features(game, omega, places))
@@ -72,29 +72,29 @@ def test_a_disc_is_covered_evenly_and_a_rim_is_a_circle() -> None:
     np.testing.assert_allclose(np.hypot(*(rim(centre, radius) - centre).T), radius)
 
 
-def test_costs_of_a_pillar_are_means_over_the_places_that_a_drone_may_not_enter(
+def test_costs_of_a_obstacle_are_means_over_the_places_that_a_drone_may_not_enter(
     game: DroneGame, omega: np.ndarray
 ) -> None:
-    inside, border = pillar_costs(game, omega)
+    inside, border = obstacle_costs(game, omega)
     assert inside.shape == border.shape == (2, 2)
-    grid = np.stack(np.meshgrid(*(np.linspace(0, side, 801) for side in game.room)), axis=-1).reshape(-1, 2)
+    grid = np.stack(np.meshgrid(*(np.linspace(0, side, 801) for side in game.arena)), axis=-1).reshape(-1, 2)
     keep = 0.2 + game.settings.drone_radius
-    for pillar, circle in enumerate(game.settings.pillars):  # half of the second is outside the room
+    for obstacle, circle in enumerate(game.settings.obstacles):  # half of the second is outside the arena
         touching = grid[np.hypot(*(grid - circle.centre).T) < keep]
         angles = np.linspace(0, 2 * np.pi, 4001)
-        around = np.column_stack([1.0 + pillar + keep * np.cos(angles), 0.7 + keep * np.sin(angles)])
+        around = np.column_stack([1.0 + obstacle + keep * np.cos(angles), 0.7 + keep * np.sin(angles)])
         around = around[around[:, 0] <= 2.0]
         for drone in range(2):
-            assert inside[drone, pillar] == pytest.approx(place_costs(game, omega, drone, touching).mean(), abs=5e-3)
-            assert border[drone, pillar] == pytest.approx(place_costs(game, omega, drone, around).mean(), abs=5e-3)
+            assert inside[drone, obstacle] == pytest.approx(place_costs(game, omega, drone, touching).mean(), abs=5e-3)
+            assert border[drone, obstacle] == pytest.approx(place_costs(game, omega, drone, around).mean(), abs=5e-3)
 
 
-def test_ways_cost_what_their_places_cost_until_the_door(game: DroneGame, omega: np.ndarray) -> None:
+def test_ways_cost_what_their_places_cost_until_the_goal_region(game: DroneGame, omega: np.ndarray) -> None:
     ways = np.array(
         [[[0.3, 0.2], [0.9, 0.2], [1.5, 1.3], [1.6, 1.3]], [[1.4, 0.2], [0.9, 0.4], [0.9, 0.9], [0.2, 1.0]]]
     )
-    flights = Trajectories(np.concatenate([ways[0], ways[1]], axis=1)[None], np.zeros((1, 4, 4)))
-    first, second = flown_costs(game, omega, flights)
+    rollouts = Trajectories(np.concatenate([ways[0], ways[1]], axis=1)[None], np.zeros((1, 4, 4)))
+    first, second = trajectory_costs(game, omega, rollouts)
     assert first == pytest.approx(place_costs(game, omega, 0, ways[0, :2]).mean())  # the rest is within 0.2 m
     assert second == pytest.approx(place_costs(game, omega, 1, ways[1, :3]).mean())  # as is its last
 

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 import torch
-from rooms import double, random_flights, room
+from arenas import arena, double, random_rollouts
 
 from mabirds_core.arrays import Array
 from mabirds_core.errors import CheckpointError, ExperimentError
@@ -14,7 +14,7 @@ from mabirds_core.games.drones.actor_critic_networks import Adam, Networks, squa
 from mabirds_core.games.drones.features import total_reward
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.lattice import LatticePlanner
-from mabirds_core.games.drones.metrics import flight_distance, place_visitation
+from mabirds_core.games.drones.metrics import place_visitation, visitation_distance
 from mabirds_core.games.drones.replay import Replay
 from mabirds_core.games.drones.rewards import LinearDroneReward, TrueDroneReward
 from mabirds_core.games.drones.rollouts import drone_rollouts
@@ -30,7 +30,7 @@ def planner(game: DroneGame, temperature: float = 0.1, **changes: object) -> Sac
 
 def found(one: SacPlanner, previous: SacPolicy | None = None, seed: int = 0, omega: float = -0.1) -> SacPolicy:
     weights = np.full(len(one.game.cost_features.names), omega)
-    return one.plan(np.zeros(0), weights, previous, np.random.default_rng(seed), random_flights(one.game, 2, seed))
+    return one.plan(np.zeros(0), weights, previous, np.random.default_rng(seed), random_rollouts(one.game, 2, seed))
 
 
 def bits(one: SacPlanner, policy: SacPolicy) -> dict[str, bytes]:
@@ -64,10 +64,10 @@ def test_long_vectors_have_finite_densities() -> None:
     assert actions.norm(dim=-1).max() <= 1.0
 
 
-@pytest.mark.parametrize("game", [room(3), double(3)], ids=["single", "double"])
+@pytest.mark.parametrize("game", [arena(3), double(3)], ids=["single", "double"])
 def test_torch_moves_drones_as_numpy_does(game: DroneGame) -> None:
-    flights = random_flights(game, 200)
-    states, actions = flights.states.reshape(-1, game.state_size), 2 * flights.actions.reshape(-1, game.action_size)
+    rollouts = random_rollouts(game, 200)
+    states, actions = rollouts.states.reshape(-1, game.state_size), 2 * rollouts.actions.reshape(-1, game.action_size)
     dynamics = game.dynamics.on("cpu", torch.float64)
     after = dynamics.step(torch.from_numpy(game.drones(states)), torch.from_numpy(game.controls(actions)))
     assert np.abs(after.numpy().reshape(states.shape) - game.step(states, actions)).max() < 1e-12
@@ -75,7 +75,7 @@ def test_torch_moves_drones_as_numpy_does(game: DroneGame) -> None:
 
 def test_log_pi_is_relative_to_the_uniform_measure_of_the_disc() -> None:
     """E over actions of exp(-log pi) is the share of the disc that is covered: all of it, whatever the weights."""
-    game = room(1)
+    game = arena(1)
     networks, rng = Networks(game, 16), np.random.default_rng(0)
     weights = 3 * networks.actor.initial(1, rng)
     states = torch.tensor(game.starts(1, rng), dtype=torch.float32).expand(200_000, -1)
@@ -98,8 +98,8 @@ def test_adam_is_that_of_torch() -> None:
 
 
 def test_the_replay_keeps_the_newest_rollouts_and_each_demonstration_once() -> None:
-    game = room(2)  # T + 1 = 4
-    first, second = random_flights(game, 3, seed=1), random_flights(game, 2, seed=2)
+    game = arena(2)  # T + 1 = 4
+    first, second = random_rollouts(game, 3, seed=1), random_rollouts(game, 2, seed=2)
     replay = Replay.empty(game).with_rollouts(first, 16).with_rollouts(second, 16)
     assert len(replay.rollouts.states) == 4
     assert (replay.rollouts.states[-2:] == second.states).all()
@@ -116,7 +116,7 @@ def test_the_replay_keeps_the_newest_rollouts_and_each_demonstration_once() -> N
 
 
 def test_the_same_arguments_give_the_same_bits_and_leave_the_previous_policy_alone() -> None:
-    one = planner(room(2))
+    one = planner(arena(2))
     start = found(one)
     before = bits(one, start)
     again, other = found(one, start, seed=1), found(one, start, seed=2)
@@ -126,7 +126,7 @@ def test_the_same_arguments_give_the_same_bits_and_leave_the_previous_policy_alo
 
 
 def test_what_is_remembered_goes_on_as_if_nothing_had_happened() -> None:
-    one = planner(room(2))
+    one = planner(arena(2))
     policy = found(one, found(one))
     recalled = one.load_state_dict(one.state_dict(policy))
     assert bits(one, found(one, recalled, seed=7)) == bits(one, found(one, policy, seed=7))
@@ -143,7 +143,7 @@ def test_what_is_remembered_goes_on_as_if_nothing_had_happened() -> None:
     ],
 )
 def test_memory_that_does_not_fit_is_refused_by_name(name: str, values: Array | None) -> None:
-    one = planner(room(2))
+    one = planner(arena(2))
     memory = one.state_dict(found(one))
     assert name in memory
     del memory[name]
@@ -152,7 +152,7 @@ def test_memory_that_does_not_fit_is_refused_by_name(name: str, values: Array | 
 
 
 def test_a_policy_of_another_game_or_size_is_no_start() -> None:
-    one, other = planner(room(2)), planner(room(2, {"horizon": 4}))
+    one, other = planner(arena(2)), planner(arena(2, {"horizon": 4}))
     assert found(one, found(other)).searches == 1
     assert found(one, found(replace(one, hidden=9))).searches == 1
     assert found(one, found(one)).searches == 2
@@ -160,15 +160,15 @@ def test_a_policy_of_another_game_or_size_is_no_start() -> None:
 
 def test_a_gpu_that_is_not_there_is_missed_at_once() -> None:
     if torch.cuda.is_available():
-        assert planner(room(1), device="cuda").device == "cuda"
+        assert planner(arena(1), device="cuda").device == "cuda"
     else:
         with pytest.raises(ExperimentError, match="device cuda: torch finds no GPU"):
-            planner(room(1), device="cuda")
+            planner(arena(1), device="cuda")
 
 
 def test_nothing_follows_the_last_step() -> None:
     """At t = T what is wanted of Q is what the action itself costs."""
-    game = room(2)
+    game = arena(2)
     one = planner(game)
     policy = found(one)
     theta, omega = np.zeros(0), np.full(len(game.cost_features.names), -0.3)
@@ -183,7 +183,7 @@ def test_nothing_follows_the_last_step() -> None:
 
 
 def test_rewards_are_those_of_the_newest_parameters() -> None:
-    game = room(2)
+    game = arena(2)
     one = planner(game)
     policy, omega = found(one), np.linspace(-1, 1, len(game.cost_features.names))
     batch = next(iter(one._batches(np.zeros(0), omega, policy.replay, 1, np.random.default_rng(0))))
@@ -204,24 +204,24 @@ def test_rewards_are_those_of_the_newest_parameters() -> None:
 HALL = DroneSettings.model_validate(
     {
         "kind": "drones",
-        "room": (2.0, 2.0),
-        "pillars": [{"centre": (1.25, 0.6), "radius": 0.25}],
-        "drones": [{"start": (0.4, 0.4), "start_spread": 0.2, "door": {"centre": (1.7, 1.7), "radius": 0.2}}],
+        "arena": (2.0, 2.0),
+        "obstacles": [{"centre": (1.25, 0.6), "radius": 0.25}],
+        "drones": [{"start": (0.4, 0.4), "start_spread": 0.2, "goal_region": {"centre": (1.7, 1.7), "radius": 0.2}}],
         "horizon": 12,
         "discount": 0.97,
         "step_cost": 0.1,
         "features": {"cost_spacing": 0.5, "cost_width": 0.25, "reward_spacing": 0.5, "reward_width": 0.4},
     }
 )
-"""One drone, a pillar beside its way: a Gaussian of actions cannot go round both sides of one at once."""
+"""One drone, an obstacle beside its way: a Gaussian of actions cannot go round both sides of one at once."""
 
 
 @cache
 def hall() -> tuple[DroneGame, Array, Array]:
-    """The game, a reward for being near the door, and costs of the pillar."""
+    """The game, a reward for being near the goal region, and costs of the obstacle."""
     game = DroneGame(HALL)
-    door = game.reward_features.lattice.nodes - [1.7, 1.7]
-    theta = 0.3 * np.exp(-(door**2).sum(axis=1))
+    goal = game.reward_features.grid.nodes - [1.7, 1.7]
+    theta = 0.3 * np.exp(-(goal**2).sum(axis=1))
     omega = np.zeros(len(game.cost_features.names))
     omega[game.true_constraints] = -0.5
     return game, theta, omega
@@ -229,9 +229,9 @@ def hall() -> tuple[DroneGame, Array, Array]:
 
 @pytest.mark.parametrize("temperature", [0.1, 1000.0])
 def test_it_comes_near_the_lattice(temperature: float) -> None:
-    """Total variation distance of where flights spend their time, on squares of 0.25 m: below 0.12.
+    """Total variation distance of where rollouts spend their time, on squares of 0.25 m: below 0.12.
 
-    Two sets of 2000 flights of one and the same policy differ by about 0.02; the lattice's policy and that of uniform
+    Two sets of 2000 rollouts of one and the same policy differ by about 0.02; the lattice's policy and that of uniform
     actions by more than 0.5 at the lower temperature. At the highest all rewards are nothing and actions are uniform.
     """
     game, theta, omega = hall()
@@ -246,9 +246,9 @@ def test_it_comes_near_the_lattice(temperature: float) -> None:
         place_visitation(game, drone_rollouts(game, each, 2000, np.random.default_rng(9)), 0.25)
         for each in (near, policy)
     ]
-    distance = flight_distance(visits)
+    distance = visitation_distance(visits)
     uniform = LatticePlanner(game, reward, 0.1, 1000.0).plan(theta, omega)
     idle = place_visitation(game, drone_rollouts(game, uniform, 2000, np.random.default_rng(9)), 0.25)
     if temperature < 1:
-        assert flight_distance([visits[0], idle]) > 0.5
+        assert visitation_distance([visits[0], idle]) > 0.5
     assert distance < 0.12, distance

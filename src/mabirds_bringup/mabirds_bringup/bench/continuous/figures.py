@@ -14,7 +14,7 @@ from mabirds_bringup.bench.figures import ITERATIONS, draw_band, mark_last_updat
 from mabirds_bringup.bench.frame import array_of, in_order
 from mabirds_bringup.bench.learning import drawn_streams
 from mabirds_core.experiment.file import Experiment
-from mabirds_core.games.drones.pictures import LearnedCosts, costs_figure, draw_flights, draw_room
+from mabirds_core.games.drones.pictures import LearnedCosts, costs_figure, draw_arena, draw_trajectories
 from mabirds_core.games.drones.study import drone_game
 
 SHOWN_DEMONSTRATIONS = 40
@@ -56,12 +56,12 @@ def game_figure(experiment: Experiment) -> Figure:
     streams = drawn_streams(few, game)
     shown = list(islice(chain.from_iterable(streams.values()), SHOWN_DEMONSTRATIONS))
     figure, axis = plt.subplots(figsize=(5, 5.3), layout="constrained")
-    draw_room(axis, game)
-    draw_flights(axis, game.positions(np.concatenate([flight.states for flight in shown])), range(game.n_experts))
+    draw_arena(axis, game)
+    draw_trajectories(axis, game.positions(np.concatenate([flight.states for flight in shown])), range(game.n_experts))
     for drone, task in enumerate(game.settings.drones):
-        for name, place in (("start", task.start), ("door", task.door.centre)):
+        for name, place in (("start", task.start), ("door", task.goal_region.centre)):
             axis.annotate(f"{name} {drone + 1}", place, ha="center", va="center", fontsize=8, bbox=LABEL_BOX)
-    axis.set_title(f"{experiment.name}: {len(shown)} demonstrations, room {_metres(game.settings.room)}", fontsize=9)
+    axis.set_title(f"{experiment.name}: {len(shown)} demonstrations, room {_metres(game.settings.arena)}", fontsize=9)
     return figure
 
 

@@ -15,10 +15,10 @@ from mabirds_core.arrays import Array, Mask, Vector
 from mabirds_core.experiment.assembly import evaluation_policy
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History, Progress
-from mabirds_core.games.drones.learned_costs import closeness_costs, flown_costs, pillar_costs
-from mabirds_core.games.drones.metrics import drone_imitation, flight_distance, place_visitation
+from mabirds_core.games.drones.learned_costs import closeness_costs, obstacle_costs, trajectory_costs
+from mabirds_core.games.drones.metrics import drone_imitation, place_visitation, visitation_distance
 from mabirds_core.games.drones.planner_settings import SoftActorCriticSettings
-from mabirds_core.games.drones.study import drone_game, flights_of
+from mabirds_core.games.drones.study import drone_game, eval_rollouts
 from mabirds_core.games.drones.whole_game import WholeDroneGame
 from mabirds_core.games.interface import ImitationMetrics, Trajectories
 from mabirds_core.metrics.metrics import consensus_distance
@@ -84,7 +84,7 @@ def _learned(case: Case, experiment: Experiment, flights: int) -> LearnedCase:
     def judge_actor(update: Progress) -> None:  # now, because policies are too large to be kept
         own = actors[update.name]
         count = flights if len(own) == experiment.iterations - 1 else flights // 10
-        own.append(drone_imitation(game, flights_of(experiment, game, update.policy, count)))
+        own.append(drone_imitation(game, eval_rollouts(experiment, game, update.policy, count)))
 
     learned = learn(case, experiment, streams, judge_actor if networks else lambda _: None)
     return LearnedCase(experiment, game, streams, *learned, actors, peak_memory(), flights)
@@ -103,7 +103,7 @@ def _judgement(learned: LearnedCase, name: str) -> Judgement:
     policy, imitations = evaluation_policy(experiment, name, game), list[ImitationMetrics]()
     for updates, known in enumerate(parameters):
         last = updates in {experiment.iterations, len(parameters) - 1}
-        flights = flights_of(experiment, game, policy(known), learned.flights if last else learned.flights // 10)
+        flights = eval_rollouts(experiment, game, policy(known), learned.flights if last else learned.flights // 10)
         imitations.append(drone_imitation(game, flights))
     return Judgement(imitations, flights)
 
@@ -118,7 +118,7 @@ def _agreement(learned: LearnedCase, judgements: list[Judgement]) -> Iterator[Me
         "consensus_omega", [consensus_distance([known.omega for known in at_once]) for at_once in together]
     )
     places = [place_visitation(learned.game, judgement.flights) for judgement in judgements]
-    yield from entries(len(together) - 1, policy_distance=flight_distance(places))
+    yield from entries(len(together) - 1, policy_distance=visitation_distance(places))
 
 
 def _rows(learned: LearnedCase, name: str, judgement: Judgement) -> Iterator[MetricsRow]:
@@ -140,12 +140,12 @@ def _rates(whose: str, imitations: list[ImitationMetrics]) -> Iterator[MetricsRo
 
 def costs_of(game: WholeDroneGame, omega: Vector, streams: Streams) -> dict[str, Array]:
     """What omega costs: ``pillar_inside``, ``pillar_rim`` (N_E, pillars), ``flown`` (N_E,), ``closeness`` (pairs,)."""
-    inside, rim = pillar_costs(game, omega)
+    inside, rim = obstacle_costs(game, omega)
     demonstrations = stacked([trajectories for stream in streams.values() for trajectories in stream])
     return {
         "pillar_inside": inside,
         "pillar_rim": rim,
-        "flown": flown_costs(game, omega, demonstrations),
+        "flown": trajectory_costs(game, omega, demonstrations),
         "closeness": closeness_costs(game, omega),
     }
 

@@ -140,7 +140,7 @@ def closing_section(rows: pl.DataFrame) -> Section:
 def pillar_section(settings: DroneSettings, results: pl.DataFrame, group: str) -> Section:
     """LearnedCosts costs of every pillar for every drone, over learners of MA-BIRDS in the group and seeds."""
     title = f"What MA-BIRDS takes for the cost of a pillar ({group}, mean ± half the range over learners and seeds)"
-    places = [f"({pillar.centre[0]:g}, {pillar.centre[1]:g}) m" for pillar in settings.pillars]
+    places = [f"({pillar.centre[0]:g}, {pillar.centre[1]:g}) m" for pillar in settings.obstacles]
     costs = _pillar_costs(results.filter(group=group, label=MABIRDS))
     return section(
         title, costs.with_columns(place=pl.lit(pl.Series(places, dtype=pl.String)).gather("pillar")), PILLARS

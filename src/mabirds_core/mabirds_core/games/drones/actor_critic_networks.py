@@ -27,12 +27,12 @@ DECAYS, EPSILON = (0.9, 0.999), 1e-8
 """Adam's."""
 
 WAVES = 4
-"""Waves of time that networks see; values bend where doors come into reach and where time runs out."""
+"""Waves of time that networks see; values bend where goal regions come into reach and where time runs out."""
 
 CLOCK = 2 * WAVES + 1
 """Numbers in which networks are told the time."""
 
-LEAST_SQUARE = 1e-6
+MIN_SQUARE = 1e-6
 """Keeps lengths off 0, where they have no gradient."""
 
 
@@ -97,7 +97,7 @@ def squashed(u: Tensor) -> tuple[Tensor, Tensor]:
 
     With r = |u| the determinant is sech^2 r along u times tanh r / r across it.
     """
-    r = ((u**2).sum(-1) + LEAST_SQUARE).sqrt()
+    r = ((u**2).sum(-1) + MIN_SQUARE).sqrt()
     across = r.tanh() / r
     log_along = 2 * (np.log(2.0) - r - torch.nn.functional.softplus(-2 * r))  # log sech^2 r, also where sech^2 r is 0
     return across[..., None] * u, log_along + across.log()
@@ -142,32 +142,32 @@ class Networks:
         """States with places and velocities from -1 to 1, shape (M, N_E D)."""
         drones = states.view(len(states), self.game.n_experts, -1)
         places, velocities = drones[..., :2], drones[..., 2:]
-        return torch.cat([2 * places / self.dynamics.room - 1, velocities / self.dynamics.max_speed], dim=2).flatten(1)
+        return torch.cat([2 * places / self.dynamics.arena - 1, velocities / self.dynamics.max_speed], dim=2).flatten(1)
 
     def seen(self, states: Tensor) -> Tensor:
-        """States as networks see them: also through bumps of each drone's place and of each pair's distance."""
+        """States as networks see them: also through RBFs of each drone's place and of each pair's distance."""
         places = states.view(len(states), self.game.n_experts, -1)[..., :2]
         x, y = (torch.exp(-(((places[..., i, None] - self._axes[i]) / self._width) ** 2) / 2) for i in (0, 1))
         parts = [self.plain(states), (x[..., :, None] * y[..., None, :]).flatten(1)]
         if self.game.pairs:
             first, second = np.transpose(self.game.pairs).tolist()
-            distances = (((places[:, first] - places[:, second]) ** 2).sum(-1) + LEAST_SQUARE).sqrt()[..., None]
+            distances = (((places[:, first] - places[:, second]) ** 2).sum(-1) + MIN_SQUARE).sqrt()[..., None]
             parts += [distances.flatten(1), torch.exp(-((distances / self._distances) ** 2) / 2).flatten(1)]
         return torch.cat(parts, dim=1)
 
     @property
     def _seen(self) -> int:
         """Numbers in ``seen`` for each state."""
-        bumps, distances = self.game.reward_features.lattice.size, len(self.game.settings.features.distance_widths)
-        return self.game.state_size + self.game.n_experts * bumps + len(self.game.pairs) * (1 + distances)
+        rbfs, distances = self.game.reward_features.grid.size, len(self.game.settings.features.distance_widths)
+        return self.game.state_size + self.game.n_experts * rbfs + len(self.game.pairs) * (1 + distances)
 
     @cached_property
     def _axes(self) -> list[Tensor]:
-        return [self._tensor(axis) for axis in self.game.reward_features.lattice.axes]
+        return [self._tensor(axis) for axis in self.game.reward_features.grid.axes]
 
     @cached_property
     def _width(self) -> float:
-        return self.game.reward_features.lattice.width
+        return self.game.reward_features.grid.width
 
     @cached_property
     def _distances(self) -> Tensor:

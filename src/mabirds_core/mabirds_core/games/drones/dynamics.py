@@ -3,7 +3,8 @@
     single integrator:  p' = p + dt a                               |a| <= max_speed
     double integrator:  v' = v + dt a,  p' = p + dt v'              |a| <= max_acceleration, |v'| <= max_speed
 
-Longer actions and velocities are truncate, and walls stop a drone. One that is at its door stays as it is, at rest.
+Longer actions and velocities are truncated, and walls stop a drone. One that is in its goal region stays as it is, at
+rest.
 """
 
 from dataclasses import dataclass, replace
@@ -20,12 +21,12 @@ class DroneDynamics:
 
     library: Any
     """numpy or torch."""
-    room: Any
+    arena: Any
     """Width and depth, shape (2,) [m]."""
-    doors: Any
-    """Shape (N_E, 2) [m]."""
-    door_radii: Any
-    """Shape (N_E,) [m]."""
+    goals: Any
+    """Centres of the goal regions, shape (N_E, 2) [m]."""
+    goal_radii: Any
+    """Their radii, shape (N_E,) [m]."""
     time_step: float
     max_speed: float
     max_acceleration: float | None
@@ -34,13 +35,13 @@ class DroneDynamics:
     @classmethod
     def of(cls, settings: DroneSettings) -> Self:
         """The dynamics of ``settings`` with arrays of numpy."""
-        doors = [task.door for task in settings.drones]
+        regions = [task.goal_region for task in settings.drones]
         double = settings.dynamics == "double_integrator"
         return cls(
             np,
-            np.array(settings.room),
-            np.array([door.centre for door in doors]),
-            np.array([door.radius for door in doors]),
+            np.array(settings.arena),
+            np.array([region.centre for region in regions]),
+            np.array([region.radius for region in regions]),
             settings.time_step,
             settings.max_speed,
             settings.max_acceleration if double else None,
@@ -50,9 +51,9 @@ class DroneDynamics:
         """The same with tensors of torch."""
         import torch
 
-        constants = (self.room, self.doors, self.door_radii)
-        room, doors, radii = (torch.as_tensor(values, device=device, dtype=dtype) for values in constants)
-        return replace(self, library=torch, room=room, doors=doors, door_radii=radii)
+        constants = (self.arena, self.goals, self.goal_radii)
+        arena, goals, radii = (torch.as_tensor(values, device=device, dtype=dtype) for values in constants)
+        return replace(self, library=torch, arena=arena, goals=goals, goal_radii=radii)
 
     @property
     def drone_size(self) -> int:
@@ -77,15 +78,15 @@ class DroneDynamics:
         velocity = limited if single else self._shortened(drones[..., 2:] + self.time_step * limited, self.max_speed)
         there = self.arrived(place)[..., None]
         moved = place + self.time_step * velocity
-        moved = lib.minimum(lib.maximum(moved, lib.zeros_like(self.room)), self.room)
+        moved = lib.minimum(lib.maximum(moved, lib.zeros_like(self.arena)), self.arena)
         after = lib.where(there, place, moved)
         if single:
             return after
         return lib.concatenate((after, lib.where(there, lib.zeros_like(velocity), velocity)), -1)
 
     def arrived(self, places: Any) -> Any:
-        """Which drones, (..., N_E, 2), are at their doors, shape (..., N_E)."""
-        return ((places - self.doors) ** 2).sum(-1) <= self.door_radii**2
+        """Which drones, (..., N_E, 2), are in their goal regions, shape (..., N_E)."""
+        return ((places - self.goals) ** 2).sum(-1) <= self.goal_radii**2
 
     def _shortened(self, vectors: Any, longest: float) -> Any:
         """Vectors (..., 2) that are too long, at their largest length."""

@@ -1,8 +1,8 @@
-"""Features of the drone game: Gaussian bumps of places and of distances, and effort.
+"""Features of the drone game: Gaussian radial basis functions (RBFs) of places and of distances, and effort.
 
 Each is a sum of terms of one drone and of two drones, which the lattice planner needs to know apart:
 
-    r(s, a) = sum_i alone_i(s_i, a_i) + sum_{i<j} together(|p_i - p_j|)
+    r(s, a) = sum_i unary_i(s_i, a_i) + sum_{i<j} pairwise(|p_i - p_j|)
 """
 
 from collections.abc import Iterator
@@ -48,19 +48,19 @@ def pair_distances(space: DroneSpace, states: Array) -> Iterator[Array]:
 
 
 class RbfGrid:
-    """Bumps exp(-|p - c|^2 / 2 width^2) with middles c on a lattice of X times Y points over the room.
+    """RBFs exp(-|p - c|^2 / 2 width^2) with centres c on a grid of X times Y points over the arena.
 
-    A bump is a product of one along x and one along y, so that no array of all bumps at all places is needed.
+    An RBF is a product of one along x and one along y, so that no array of all RBFs at all places is needed.
     """
 
-    def __init__(self, room: tuple[float, float], counts: tuple[int, int], width: float) -> None:
-        self.axes = [np.linspace(0, side, count) for side, count in zip(room, counts, strict=True)]
+    def __init__(self, arena: tuple[float, float], counts: tuple[int, int], width: float) -> None:
+        self.axes = [np.linspace(0, side, count) for side, count in zip(arena, counts, strict=True)]
         self.width = width
         self.size = counts[0] * counts[1]
 
     @cached_property
     def nodes(self) -> Array:
-        """Middles of the bumps in the order of their weights, shape (X Y, 2) [m]."""
+        """Centres of the RBFs in the order of their weights, shape (X Y, 2) [m]."""
         return np.stack(np.meshgrid(*self.axes, indexing="ij"), axis=-1).reshape(-1, 2)
 
     def along(self, places: Array) -> tuple[Array, Array]:
@@ -72,29 +72,29 @@ class RbfGrid:
         return x, y
 
     def total(self, places: Array, weights: Vector) -> Vector:
-        """sum_k weights[k] of every bump at places[k], shape (X Y,)."""
+        """sum_k weights[k] of every RBF at places[k], shape (X Y,)."""
         x, y = self.along(places)
         return np.asarray((x.T * weights) @ y).ravel()
 
     def values(self, weights: Vector, places: Array) -> Array:
-        """The weighted sum of the bumps at places (..., 2), shape (...)."""
+        """The weighted sum of the RBFs at places (..., 2), shape (...)."""
         x, y = self.along(places.reshape(-1, 2))
         values = ((x @ weights.reshape(len(self.axes[0]), -1)) * y).sum(axis=1)
         return np.asarray(values.reshape(places.shape[:-1]))
 
 
 class DroneCostFeatures:
-    """phi: bumps of each drone's place, then bumps of each pair's distance, then each drone's effort.
+    """phi: RBFs of each drone's place, then RBFs of each pair's distance, then each drone's effort.
 
-    Bumps fade out towards a drone's own door, which rewards are to explain: phi_c(p) = bump_c(p)
-    (1 - exp(-|p - door|^2 / 2 radius^2)). Effort is (|a| / largest action)^2 times ``effort_scale``.
+    RBFs fade out towards a drone's own goal region, which rewards are to explain: phi_c(p) = rbf_c(p)
+    (1 - exp(-|p - goal|^2 / 2 radius^2)). Effort is (|a| / largest action)^2 times ``effort_scale``.
     """
 
     def __init__(self, space: DroneSpace, settings: DroneSettings, max_action: float) -> None:
         features = settings.features
         self._space, self._widths = space, np.array(features.distance_widths)
-        self._doors, self._distance_scale = [task.door for task in settings.drones], features.distance_scale
-        self.lattice = RbfGrid(space.sides, space.grid(features.cost_spacing), features.cost_width)
+        self._goals, self._distance_scale = [task.goal_region for task in settings.drones], features.distance_scale
+        self.grid = RbfGrid(space.sides, space.grid(features.cost_spacing), features.cost_width)
         self._effort = features.effort_scale / max_action**2
 
     @cached_property
@@ -102,7 +102,7 @@ class DroneCostFeatures:
         """One name per feature, for people."""
         drones = range(1, self._space.n_experts + 1)
         return (
-            *(f"drone_{i} near ({x:.2f}, {y:.2f}) m" for i in drones for x, y in self.lattice.nodes),
+            *(f"drone_{i} near ({x:.2f}, {y:.2f}) m" for i in drones for x, y in self.grid.nodes),
             *(f"drones {i + 1} and {j + 1} within {w:g} m" for i, j in self._space.pairs for w in self._widths),
             *(f"drone_{i} effort" for i in drones),
         )
@@ -110,15 +110,15 @@ class DroneCostFeatures:
     def _parts(self, weights: Vector) -> tuple[Array, Array, Vector]:
         """Weights of places (N_E, X Y), of distances (pairs, widths) and of effort (N_E,)."""
         n, pairs = self._space.n_experts, len(self._space.pairs)
-        places, distances, effort = np.split(weights, np.cumsum([n * self.lattice.size, pairs * len(self._widths)]))
+        places, distances, effort = np.split(weights, np.cumsum([n * self.grid.size, pairs * len(self._widths)]))
         return places.reshape(n, -1), distances.reshape(pairs, len(self._widths)), effort
 
     def _fade(self, drone: int, places: Array) -> Vector:
-        door = self._doors[drone]
-        away = ((places - door.centre) ** 2).sum(axis=-1)
-        return np.asarray(1 - np.exp(-away / (2 * door.radius**2)))
+        goal = self._goals[drone]
+        away = ((places - goal.centre) ** 2).sum(axis=-1)
+        return np.asarray(1 - np.exp(-away / (2 * goal.radius**2)))
 
-    def _bumps(self, distances: Array) -> Array:
+    def _distance_rbfs(self, distances: Array) -> Array:
         """scale exp(-d^2 / 2 width^2), shape (*distances.shape, widths)."""
         return np.asarray(self._distance_scale * np.exp(-(distances[..., None] ** 2) / (2 * self._widths**2)))
 
@@ -128,11 +128,8 @@ class DroneCostFeatures:
         places, controls = space.positions(states), space.controls(actions)
         return np.concatenate(
             [
-                *(
-                    self.lattice.total(places[:, i], weights * self._fade(i, places[:, i]))
-                    for i in range(space.n_experts)
-                ),
-                *(weights @ self._bumps(distances) for distances in pair_distances(space, states)),
+                *(self.grid.total(places[:, i], weights * self._fade(i, places[:, i])) for i in range(space.n_experts)),
+                *(weights @ self._distance_rbfs(distances) for distances in pair_distances(space, states)),
                 weights @ (controls**2).sum(axis=-1) * self._effort,
             ]
         )
@@ -141,37 +138,35 @@ class DroneCostFeatures:
         """Costs of one drone's place and effort."""
         by_place, _, effort = self._parts(weights)
         places = states[..., :2]
-        of_place = self.lattice.values(by_place[drone], places) * self._fade(drone, places)
+        of_place = self.grid.values(by_place[drone], places) * self._fade(drone, places)
         return np.asarray(of_place + effort[drone] * self._effort * (actions**2).sum(axis=-1))
 
     def pairwise(self, weights: Vector, pair: int, distances: Array) -> Array:
         """Costs of a pair's distance."""
-        return np.asarray(self._bumps(distances) @ self._parts(weights)[1][pair])
+        return np.asarray(self._distance_rbfs(distances) @ self._parts(weights)[1][pair])
 
 
 class DroneRewardFeatures:
-    """f: bumps of each drone's place, wider than those of the costs and also at the doors."""
+    """f: RBFs of each drone's place, wider than those of the costs and also in the goal regions."""
 
     def __init__(self, space: DroneSpace, settings: DroneFeatureSettings) -> None:
         self._space = space
-        self.lattice = RbfGrid(space.sides, space.grid(settings.reward_spacing), settings.reward_width)
+        self.grid = RbfGrid(space.sides, space.grid(settings.reward_spacing), settings.reward_width)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
         """One name per feature, for people."""
         drones = range(1, self._space.n_experts + 1)
-        return tuple(f"drone_{i} near ({x:.2f}, {y:.2f}) m" for i in drones for x, y in self.lattice.nodes)
+        return tuple(f"drone_{i} near ({x:.2f}, {y:.2f}) m" for i in drones for x, y in self.grid.nodes)
 
     def total(self, visitation: Visitation) -> Vector:
         """sum_k weights[k] f(states[k], actions[k]), shape (K,)."""
         places = self._space.positions(visitation.states)
-        return np.concatenate(
-            [self.lattice.total(places[:, i], visitation.weights) for i in range(self._space.n_experts)]
-        )
+        return np.concatenate([self.grid.total(places[:, i], visitation.weights) for i in range(self._space.n_experts)])
 
     def unary(self, weights: Vector, drone: int, states: Array, actions: Array) -> Array:  # noqa: ARG002 - of places
         """Rewards of one drone's place."""
-        return self.lattice.values(weights.reshape(self._space.n_experts, -1)[drone], states[..., :2])
+        return self.grid.values(weights.reshape(self._space.n_experts, -1)[drone], states[..., :2])
 
     def pairwise(self, weights: Vector, pair: int, distances: Array) -> Array:  # noqa: ARG002 - each drone has its own
         """What the distances of a pair of drones earn: zeros, as no reward feature looks at them."""

@@ -1,11 +1,11 @@
-"""Smooth ways from a drone's start to its door that pass the pillar in between on a side of one's choice.
+"""Smooth ways from a drone's start to its goal region that pass the obstacle in between on a side of one's choice.
 
-A barrier from the middle of that pillar to the wall closes the other side. Then, for any room:
+A barrier from the middle of that obstacle to the wall closes the other side. Then, for any arena:
 
-    a shortest way over a lattice finds the gaps between all the other pillars,
+    a shortest way over a lattice finds the gaps between all the other obstacles,
     what it has too much is cut off wherever there is a free view,
-    an elastic band makes it smooth, and keeps it off the pillars:   min_x  sum_k tension |x_k+1 - x_k|^2
-        + stiffness |x_k-1 - 2 x_k + x_k+1|^2 + sum_pillars max(0, reach - |x_k - centre|)^2.
+    an elastic band makes it smooth, and keeps it off the obstacles:   min_x  sum_k tension |x_k+1 - x_k|^2
+        + stiffness |x_k-1 - 2 x_k + x_k+1|^2 + sum_obstacles max(0, reach - |x_k - centre|)^2.
 """
 
 from dataclasses import dataclass
@@ -21,12 +21,12 @@ from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.geometry import closest_approach, swept_distance
 
 Side = int
-"""On which side of a pillar to pass it, seen along the way: LEFT or RIGHT."""
+"""On which side of an obstacle to pass it, seen along the way: LEFT or RIGHT."""
 LEFT, RIGHT = 1, -1
 
 SPACING = 0.15
 """Between the points of a way [m]."""
-LEAST_POINTS, MAX_POINTS = 24, 256
+MIN_POINTS, MAX_POINTS = 24, 256
 """Points of a way; fewer are no curve, more take long."""
 TENSION, STIFFNESS = 2.0, 8.0
 """Forces of the elastic band."""
@@ -65,27 +65,27 @@ class Corridor:
     """A way of one drone from the middle of its start, and the barrier that keeps it on its side."""
 
     points: Array
-    """Corners, shape (k, 2) [m]; the last is the middle of the door."""
+    """Corners, shape (k, 2) [m]; the last is the centre of the goal region."""
     barrier: Array | None
-    """Its ends, shape (2, 2) [m]; None where no pillar is in between."""
+    """Its ends, shape (2, 2) [m]; None where no obstacle is in between."""
 
 
 class PathPlanner:
-    """Plans the ways of a game's drones; ``margin`` [m] is left to each pillar at the least."""
+    """Plans the ways of a game's drones; ``margin`` [m] is left to each obstacle at the least."""
 
     def __init__(self, game: DroneGame, margin: float) -> None:
         settings, radius = game.settings, game.settings.drone_radius
-        self._tasks, self._room = settings.drones, game.room
-        self._centres = np.array([pillar.centre for pillar in settings.pillars]).reshape(-1, 2)
-        self._reach = np.array([pillar.radius + radius for pillar in settings.pillars])
+        self._tasks, self._arena = settings.drones, game.arena
+        self._centres = np.array([obstacle.centre for obstacle in settings.obstacles]).reshape(-1, 2)
+        self._reach = np.array([obstacle.radius + radius for obstacle in settings.obstacles])
         self._keep = self._reach + margin
-        self._wall = np.minimum(radius, game.room / 2)
+        self._wall = np.minimum(radius, game.arena / 2)
         self._longest = settings.horizon * settings.time_step * settings.max_speed
-        self._spacing = max(radius, max(settings.room) / MAX_NODES)
+        self._spacing = max(radius, max(settings.arena) / MAX_NODES)
 
     @cached_property
     def corridors(self) -> list[dict[Side, Corridor]]:
-        """For each drone, the sides on which it can be at its door in time."""
+        """For each drone, the sides on which it can be in its goal region in time."""
         return [
             {side: way for side in (LEFT, RIGHT) if (way := self._corridor(drone, side)) is not None}
             for drone in range(len(self._tasks))
@@ -95,61 +95,61 @@ class PathPlanner:
     def _points(self) -> int:
         """Number of points of every way of this game."""
         longest = max(length_of(way.points) for ways in self.corridors for way in ways.values())
-        return int(np.clip(longest / SPACING, LEAST_POINTS, MAX_POINTS))
+        return int(np.clip(longest / SPACING, MIN_POINTS, MAX_POINTS))
 
     def side_of(self, drone: int, start: Array) -> Side:
-        """On which side of the straight way from the middle of its start to its door the drone starts."""
-        middle, door = self._ends(drone)
-        return LEFT if _cross(door - middle, start - middle) >= 0 else RIGHT
+        """On which side of the straight way from the middle of its start to its goal region the drone starts."""
+        middle, goal = self._ends(drone)
+        return LEFT if _cross(goal - middle, start - middle) >= 0 else RIGHT
 
-    def paths(self, starts: Array, aims: Array, sides: list[Side], comfort: Array) -> FlightPaths:
-        """From starts (N_E, 2) to aims (N_E, 2), pushed off pillars that are nearer than comfort (N_E,) [m]."""
+    def paths(self, starts: Array, aims: Array, sides: list[Side], clearance: Array) -> FlightPaths:
+        """From starts (N_E, 2) to aims (N_E, 2), pushed off obstacles that are nearer than clearance (N_E,) [m]."""
         corners = []
         for drone, side in enumerate(sides):
             corridor = self.corridors[drone][side]
             way = np.vstack([starts[drone], corridor.points, aims[drone]])
             corners.append(resampled(self._taut(way, corridor.barrier), self._points))
-        return FlightPaths.through(self._relaxed(np.stack(corners), comfort))
+        return FlightPaths.through(self._relaxed(np.stack(corners), clearance))
 
     def _ends(self, drone: int) -> tuple[Array, Array]:
         task = self._tasks[drone]
-        return np.array(task.start), np.array(task.door.centre)
+        return np.array(task.start), np.array(task.goal_region.centre)
 
     def _corridor(self, drone: int, side: Side) -> Corridor | None:
-        middle, door = self._ends(drone)
-        barrier = self._barrier(middle, door, side)
-        route = self._route(middle, door, barrier)
+        middle, goal = self._ends(drone)
+        barrier = self._barrier(middle, goal, side)
+        route = self._route(middle, goal, barrier)
         if route is None:
             return None
-        way = self._taut(np.vstack([middle, route, door]), barrier)
-        in_time = length_of(way) <= self._longest + self._tasks[drone].door.radius
+        way = self._taut(np.vstack([middle, route, goal]), barrier)
+        in_time = length_of(way) <= self._longest + self._tasks[drone].goal_region.radius
         return Corridor(way, barrier) if in_time else None
 
-    def _barrier(self, start: Array, door: Array, side: Side) -> Array | None:
-        """From the pillar deepest in the straight way to beyond the wall, on the other side than ``side``."""
-        way = door - start
+    def _barrier(self, start: Array, goal: Array, side: Side) -> Array | None:
+        """From the obstacle deepest in the straight way to beyond the wall, on the other side than ``side``."""
+        way = goal - start
         along = (self._centres - start) @ way / max(float(way @ way), 1e-12)
-        depth = np.where((along > 0) & (along < 1), self._keep - swept_distance(start, door, self._centres), -np.inf)
+        depth = np.where((along > 0) & (along < 1), self._keep - swept_distance(start, goal, self._centres), -np.inf)
         if not (depth > 0).any():
             return None
         centre = self._centres[depth.argmax()]
         left = np.array([-way[1], way[0]]) / np.hypot(*way)
-        return np.stack([centre, centre - side * left * np.hypot(*self._room)])
+        return np.stack([centre, centre - side * left * np.hypot(*self._arena)])
 
-    def _route(self, start: Array, door: Array, barrier: Array | None) -> Array | None:
+    def _route(self, start: Array, goal: Array, barrier: Array | None) -> Array | None:
         """Nodes of a lattice along a shortest way, shape (k, 2); None if there is no way."""
-        axes = [np.linspace(0, side, int(np.ceil(side / self._spacing)) + 1) for side in self._room]
+        axes = [np.linspace(0, side, int(np.ceil(side / self._spacing)) + 1) for side in self._arena]
         nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
         free = self._free(nodes, barrier)
         if not free.any():
             return None
-        first, last = (int(((nodes[free] - point) ** 2).sum(axis=1).argmin()) for point in (start, door))
+        first, last = (int(((nodes[free] - point) ** 2).sum(axis=1).argmin()) for point in (start, goal))
         way = shortest_way(free, first, last)
         return None if way is None else nodes[free][way]
 
     def _free(self, nodes: Array, barrier: Array | None) -> Mask:
-        """Which nodes (X, Y, 2) are clear of pillars, walls and the barrier."""
-        clear = ((nodes >= self._wall - 1e-9) & (nodes <= self._room - self._wall + 1e-9)).all(axis=-1)
+        """Which nodes (X, Y, 2) are clear of obstacles, walls and the barrier."""
+        clear = ((nodes >= self._wall - 1e-9) & (nodes <= self._arena - self._wall + 1e-9)).all(axis=-1)
         for centre, keep in zip(self._centres, self._keep, strict=True):
             clear &= np.hypot(*np.moveaxis(nodes - centre, -1, 0)) > keep
         if barrier is not None:  # thick enough that no diagonal step leaps over it
@@ -166,16 +166,16 @@ class PathPlanner:
         return np.array(corners)
 
     def _sees(self, here: Array, there: Array, barrier: Array | None) -> Mask:
-        """To which points (k, 2) the straight flight keeps clear of pillars and does not cross the barrier."""
+        """To which points (k, 2) the straight segment keeps clear of obstacles and does not cross the barrier."""
         distance = swept_distance(here[None, None], there[:, None], self._centres)
         clear = (distance > self._keep).all(axis=1)
         return np.asarray(clear if barrier is None else clear & ~_crosses(here, there, barrier))
 
-    def _relaxed(self, points: Array, comfort: Array) -> Array:
+    def _relaxed(self, points: Array, clearance: Array) -> Array:
         """The elastic bands (N_E, k, 2) at rest, nearly; their ends stay."""
-        pull, reach = band_smoother(points.shape[1]), self._reach + comfort[:, None, None]
+        pull, reach = band_smoother(points.shape[1]), self._reach + clearance[:, None, None]
         low = np.minimum(self._wall, points.min(axis=(0, 1)))
-        high = np.maximum(self._room - self._wall, points.max(axis=(0, 1)))
+        high = np.maximum(self._arena - self._wall, points.max(axis=(0, 1)))
         for _ in range(PULLS):
             offset = points[:, :, None] - self._centres
             distance = np.sqrt((offset**2).sum(axis=-1))
@@ -246,7 +246,7 @@ def _cross(a: Array, b: Array) -> Array:
 
 
 def _crosses(here: Array, there: Array, barrier: Array) -> Mask:
-    """Which of the straight flights to (k, 2) cross the barrier (2, 2)."""
+    """Which of the straight segments to (k, 2) cross the barrier (2, 2)."""
     near, far = barrier
     across = _cross(far - near, here - near) * _cross(far - near, there - near) < 0
     return np.asarray(across & (_cross(there - here, near - here) * _cross(there - here, far - here) < 0))

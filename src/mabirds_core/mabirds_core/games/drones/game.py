@@ -1,9 +1,9 @@
-"""The drone game (paper, section 5.2): drones fly to their doors past pillars and each other.
+"""The drone game (paper, section 5.2): drones fly to their goal regions past obstacles and each other.
 
 A joint state is the drones' states one after the other: x, y [m], for double integrators also vx, vy [m/s]. A joint
 action is their velocities [m/s] or accelerations [m/s^2], each of at most the largest length. Between two steps a
-drone flies straight on. Walls stop drones; a drone that has reached its door stays there for ever. What may not be:
-touching a pillar, and coming closer to another drone than the least distance, at the steps or between them.
+drone flies straight on. Walls stop drones; a drone that has reached its goal region stays there for ever. What may not
+be: touching an obstacle, and coming closer to another drone than the least distance, at the steps or between them.
 """
 
 from functools import cached_property
@@ -33,22 +33,22 @@ class DroneGame:
         self.horizon = settings.horizon
         self.discount = settings.discount
         self.dynamics = DroneDynamics.of(settings)
-        self.space = space = DroneSpace(settings.room, settings.n_experts, self.dynamics.drone_size)
+        self.space = space = DroneSpace(settings.arena, settings.n_experts, self.dynamics.drone_size)
         self.state_size, self.action_size = space.state_size, space.action_size
-        self.room, self.pairs = space.room, space.pairs
+        self.arena, self.pairs = space.arena, space.pairs
         self.drones, self.positions, self.controls = space.drones, space.positions, space.controls
 
     @cached_property
     def digest(self) -> str:
-        """Digest of the room, the drones, how they move and the doors where they stay; pillars bind nobody."""
+        """Digest of the arena, how drones move in it, and the goal regions where they stay; obstacles bind nobody."""
         constants = {name: value for name, value in vars(self.dynamics).items() if name != "library"}
         plain = {name: np.asarray(value).tolist() for name, value in constants.items()}
         return trajectory_digest("drones", plain, self.horizon)
 
     def starts(self, count: int, rng: np.random.Generator) -> Array:
-        """``count`` joint states from P_0, uniform in the starts' squares within the room, at rest; (count, N_E D)."""
+        """``count`` joint states from P_0, uniform in the starts' squares within the arena, at rest; (count, N_E D)."""
         low, high = (
-            np.clip([np.add(task.start, sign * task.start_spread) for task in self.settings.drones], 0.0, self.room)
+            np.clip([np.add(task.start, sign * task.start_spread) for task in self.settings.drones], 0.0, self.arena)
             for sign in (-1, 1)
         )
         states = np.zeros((count, self.n_experts, self.dynamics.drone_size))
@@ -61,43 +61,43 @@ class DroneGame:
         return np.asarray(after).reshape(states.shape)
 
     def arrived(self, states: Array) -> Mask:
-        """Which drones are at their doors, shape (..., N_E)."""
+        """Which drones are in their goal regions, shape (..., N_E)."""
         return np.asarray(self.dynamics.arrived(self.positions(states)))
 
     @cached_property
     def cost_features(self) -> DroneCostFeatures:
-        """phi: bumps of each drone's place, bumps of two drones' distance, each drone's effort."""
+        """phi: RBFs of each drone's place, RBFs of two drones' distance, each drone's effort."""
         return DroneCostFeatures(self.space, self.settings, self.dynamics.max_action)
 
     @cached_property
     def reward_features(self) -> DroneRewardFeatures:
-        """f: wider bumps of each drone's place."""
+        """f: wider RBFs of each drone's place."""
         return DroneRewardFeatures(self.space, self.settings.features)
 
     @cached_property
     def true_constraints(self) -> Mask:
-        """Bumps in the middle of which a drone would touch a pillar, and bumps of distances that are too small."""
-        nodes, settings = self.cost_features.lattice.nodes, self.settings
+        """RBFs at whose centre a drone would touch an obstacle, and RBFs of distances that are too small."""
+        nodes, settings = self.cost_features.grid.nodes, self.settings
         inside = np.zeros(len(nodes), dtype=bool)
-        for pillar in settings.pillars:
-            inside |= np.hypot(*(nodes - pillar.centre).T) < pillar.radius + settings.drone_radius
+        for obstacle in settings.obstacles:
+            inside |= np.hypot(*(nodes - obstacle.centre).T) < obstacle.radius + settings.drone_radius
         close = [width <= settings.least_distance for width in settings.features.distance_widths]
         return np.array([*np.tile(inside, self.n_experts), *close * len(self.pairs), *[False] * self.n_experts])
 
-    def pillar_clearance(self, states: Array) -> Array:
-        """Metres left between each drone and the nearest pillar on each flight, shape (m, steps - 1, N_E).
+    def obstacle_clearance(self, states: Array) -> Array:
+        """Metres left between each drone and the nearest obstacle on each segment, shape (m, steps - 1, N_E).
 
-        ``states``: (m, steps, N_E D). Negative: it touches; infinite: there is no pillar.
+        ``states``: (m, steps, N_E D). Negative: it touches; infinite: there is no obstacle.
         """
         places, settings = self.positions(states), self.settings
         clearance = np.full(places[:, 1:, :, 0].shape, np.inf)
-        for pillar in settings.pillars:
-            distance = swept_distance(places[:, :-1], places[:, 1:], np.array(pillar.centre))
-            clearance = np.minimum(clearance, distance - pillar.radius - settings.drone_radius)
+        for obstacle in settings.obstacles:
+            distance = swept_distance(places[:, :-1], places[:, 1:], np.array(obstacle.centre))
+            clearance = np.minimum(clearance, distance - obstacle.radius - settings.drone_radius)
         return clearance
 
     def separation_clearance(self, states: Array) -> Array:
-        """Metres by which the drones are further apart than they must be on each flight, shape (m, steps - 1)."""
+        """Metres by which the drones are further apart than they must be on each segment, shape (m, steps - 1)."""
         places = np.moveaxis(self.positions(states), -2, 0)
         clearance = np.full((*places.shape[1:2], places.shape[2] - 1), np.inf)
         for i, j in self.pairs:
@@ -107,11 +107,11 @@ class DroneGame:
 
     def violates(self, trajectories: Trajectories) -> Mask:
         """Which trajectories break a constraint, shape (m,)."""
-        touching = (self.pillar_clearance(trajectories.states) < 0).any(axis=(1, 2))
+        touching = (self.obstacle_clearance(trajectories.states) < 0).any(axis=(1, 2))
         return np.asarray(touching | (self.separation_clearance(trajectories.states) < 0).any(axis=1))
 
     def succeeds(self, trajectories: Trajectories) -> Mask:
-        """Which trajectories break no constraint and end with every drone at its door, shape (m,)."""
+        """Which trajectories break no constraint and end with every drone in its goal region, shape (m,)."""
         return np.asarray(self.arrived(trajectories.states[:, -1]).all(axis=-1) & ~self.violates(trajectories))
 
     def encode(self, trajectory: Trajectories) -> tuple[Array, Array]:
@@ -135,12 +135,12 @@ class DroneGame:
 
     def _check_places(self, states: Array) -> None:
         places = self.positions(states)
-        outside = np.argwhere((places < -TOLERANCE) | (places > self.room + TOLERANCE))
+        outside = np.argwhere((places < -TOLERANCE) | (places > self.arena + TOLERANCE))
         if len(outside):
             step, drone, _ = outside[0]
             raise ImpossibleTrajectoryError(
-                f"step {step}: drone {drone + 1} is at {_pair(places[step, drone])}, outside the room"
-                f" {self.settings.room} [m]"
+                f"step {step}: drone {drone + 1} is at {_pair(places[step, drone])}, outside the arena"
+                f" {self.settings.arena} [m]"
             )
 
     def _check_lengths(self, what: str, vectors: Array, longest: float, unit: str) -> None:

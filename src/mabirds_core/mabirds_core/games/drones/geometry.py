@@ -19,7 +19,7 @@ def closest_approach(start: Array, end: Array) -> Array:
 
 
 def swept_distance(start: Array, end: Array, centre: Array) -> Array:
-    """Least distance of straight flights, shapes (..., 2), to a point at rest."""
+    """Least distance of straight segments, shapes (..., 2), to a point at rest."""
     return closest_approach(start - centre, end - centre)
 
 

@@ -23,7 +23,7 @@ def build_lattice(settings: LatticeSettings, game: Any, reward: Any) -> Any:
 
 
 def build_soft_actor_critic(settings: SoftActorCriticSettings, game: Any, reward: Any) -> Any:
-    """The planner that learns from flights."""
+    """The planner that learns from rollouts."""
     require("torch", "policies of kind soft_actor_critic", "mabirds_core[sac]")
     from mabirds_core.games.drones.soft_actor_critic import SacPlanner  # torch takes a second to load, and 200 MB
 

@@ -6,14 +6,14 @@ At temperature tau, with the base measure mu of actions uniform in the disc of r
     V_t(s)    = tau log E_{a ~ mu} exp(Q_t(s, a) / tau),     V_{T+1} = 0,     pi_t(a|s) ~ mu(a) exp(Q_t(s, a) / tau)
 
 which is the soft Bellman policy of the reward divided by tau. Rewards are sums of terms of one drone and of a pair
-(``drone_features``), and drones move independently of one another. Hence the backup factorises. With Y = exp(gamma
+(``features``), and drones move independently of one another. Hence the backup factorises. With Y = exp(gamma
 V_{t+1} / tau) on the lattice nodes of both drones and exp(gamma V / tau) interpolated between them, it is
 
     exp(V_t / tau) = exp(r_12 / tau) * ( K_1 Y K_2^T ),     K_i[s, s'] = sum_a mu(a) exp(r_i(s, a) / tau) B_i[s, a, s']
 
 where B_i[s, a, .] are the bilinear weights of the place that action a leads to: two sparse products per step instead
-of a sum over all joint actions. mu is taken at 25 moves per drone. In the game itself, the policy chooses among the
-same moves, by V_{t+1} interpolated between the nodes.
+of a sum over all joint actions. mu is taken at 25 actions per drone. In the game itself, the policy chooses among the
+same actions, by V_{t+1} interpolated between the nodes.
 """
 
 from collections.abc import Mapping
@@ -35,7 +35,7 @@ RINGS = ((0.0, 1), (0.5, 8), (1.0, 16))
 """Speeds, as shares of the largest, and how many directions each has."""
 
 RING_BOUNDS = (0.0, 0.25, 0.75, 1.0)
-"""The ring of each speed; its share of the disc's area is what its moves weigh together."""
+"""The ring of each speed; its share of the disc's area is what its actions weigh together."""
 
 UNDERFLOW = 1e-250
 """Below this, beside the best that two drones could do without each other, sums of exp have lost their precision."""
@@ -44,7 +44,7 @@ CHUNK = 5_000_000
 """Terms that are summed up in logs at once."""
 
 
-def moves(speed: float) -> tuple[Array, Vector]:
+def action_set(speed: float) -> tuple[Array, Vector]:
     """The 25 velocities (25, 2) and their shares of mu (25,)."""
     angles = [2 * np.pi * np.arange(count) / count for _, count in RINGS]
     velocities = [r * np.column_stack([np.cos(a), np.sin(a)]) for (r, _), a in zip(RINGS, angles, strict=True)]
@@ -55,17 +55,17 @@ def moves(speed: float) -> tuple[Array, Vector]:
 
 @dataclass(frozen=True)
 class Stencil:
-    """Where moves from M places lead, on the lattice: the W nodes around each, and the moves' weights of them."""
+    """Where actions from M places lead, on the lattice: the W nodes around each, and the actions' weights of them."""
 
     nodes: Indices
     """Shape (M, N_E, W)."""
     weights: Array
-    """Bilinear weights, shape (M, N_E, A, W); each move's sum to 1."""
+    """Bilinear weights, shape (M, N_E, A, W); each action's sum to 1."""
 
 
 @dataclass(frozen=True)
 class Lattice:
-    """Nodes at most ``spacing`` metres apart over the room of a game of single integrators."""
+    """Nodes at most ``spacing`` metres apart over the arena of a game of single integrators."""
 
     game: DroneGame
     spacing: float
@@ -74,7 +74,7 @@ class Lattice:
     def axes(self) -> list[Array]:
         """x and y of the nodes."""
         counts = self.game.settings.lattice(self.spacing)
-        return [np.linspace(0, side, count) for side, count in zip(self.game.settings.room, counts, strict=True)]
+        return [np.linspace(0, side, count) for side, count in zip(self.game.settings.arena, counts, strict=True)]
 
     @cached_property
     def nodes(self) -> Array:
@@ -82,14 +82,14 @@ class Lattice:
         return np.asarray(np.stack(np.meshgrid(*self.axes, indexing="ij"), axis=-1).reshape(-1, 2))
 
     @cached_property
-    def moves(self) -> tuple[Array, Vector]:
+    def action_set(self) -> tuple[Array, Vector]:
         """Velocities and their shares."""
-        return moves(self.game.settings.max_speed)
+        return action_set(self.game.settings.max_speed)
 
     @cached_property
     def everywhere(self) -> Stencil:
-        """Where moves from every node lead."""
-        return self.windows(np.repeat(self.nodes[:, None], self.game.n_experts, axis=1))
+        """Where actions from every node lead."""
+        return self.stencils(np.repeat(self.nodes[:, None], self.game.n_experts, axis=1))
 
     @cached_property
     def pair_distances(self) -> Array:
@@ -97,22 +97,22 @@ class Lattice:
         x, y = np.moveaxis(self.nodes[:, None] - self.nodes, -1, 0)
         return np.asarray(np.hypot(x, y))
 
-    def windows(self, places: Array) -> Stencil:
+    def stencils(self, places: Array) -> Stencil:
         """For M places of all drones, shape (M, N_E, 2)."""
-        velocities, _ = self.moves
+        velocities, _ = self.action_set
         here = np.repeat(places[:, None], len(velocities), axis=1)
         there = self.game.dynamics.step(here, np.broadcast_to(velocities[:, None], here.shape))
-        along = [self._axis_window(axis, places[..., axis], there[..., axis]) for axis in (0, 1)]
+        along = [self._axis_stencil(axis, places[..., axis], there[..., axis]) for axis in (0, 1)]
         (first_x, weights_x), (first_y, weights_y) = along
         nodes = first_x[..., :, None] * len(self.axes[1]) + first_y[..., None, :]
         weights = weights_x[..., :, None] * weights_y[..., None, :]
         flat = np.moveaxis(weights.reshape(*weights.shape[:3], -1), 1, 2)
         return Stencil(nodes.reshape(*nodes.shape[:2], -1), np.ascontiguousarray(flat))
 
-    def _axis_window(self, axis: int, here: Array, there: Array) -> tuple[Indices, Array]:
+    def _axis_stencil(self, axis: int, here: Array, there: Array) -> tuple[Indices, Array]:
         """Numbers of the nodes around ``here`` (M, N_E), and hat functions of them at ``there`` (M, A, N_E)."""
         count, step = len(self.axes[axis]), self.axes[axis][1]
-        width = self.game.settings.window(self.spacing)[axis]
+        width = self.game.settings.stencil_shape(self.spacing)[axis]
         first = np.clip(np.floor(here / step).astype(np.int64) - (width // 2 - 1), 0, count - width)
         numbers = first[..., None] + np.arange(width)
         return numbers, np.maximum(0.0, 1 - np.abs(there[..., None] / step - numbers[:, None]))
@@ -130,8 +130,8 @@ class LatticePolicy:
     """Shape (T + 2, S, S), or (T + 2, S, 1) for a single drone."""
 
     def act(self, step: int, states: Array, rng: np.random.Generator) -> Array:
-        """A move of each drone for M joint states (M, N_E D), shape (M, 2 N_E)."""
-        velocities, _ = self.lattice.moves
+        """An action of each drone for M joint states (M, N_E D), shape (M, 2 N_E)."""
+        velocities, _ = self.lattice.action_set
         scores = self.log_weights(step, states).reshape(len(states), -1)
         cumulative = np.exp(scores - scores.max(axis=1, keepdims=True)).cumsum(axis=1)
         drawn = (cumulative <= rng.random((len(states), 1)) * cumulative[:, -1:]).sum(axis=1)
@@ -142,23 +142,23 @@ class LatticePolicy:
     def log_weights(self, step: int, states: Array) -> Array:
         """log mu(a) + Q_t(s, a) / tau up to terms that depend on s alone, shape (M, A, A), or (M, A, 1)."""
         game, ahead = self.lattice.game, self.values[step + 1]
-        windows, drones = self.lattice.windows(game.positions(states)), game.drones(states)
-        alone = [
-            move_rewards(self.lattice, self.rewards, i, drones[:, i], self.temperature) for i in range(game.n_experts)
+        stencils, drones = self.lattice.stencils(game.positions(states)), game.drones(states)
+        unary = [
+            action_rewards(self.lattice, self.rewards, i, drones[:, i], self.temperature) for i in range(game.n_experts)
         ]
-        first = windows.nodes[:, 0]
+        first = stencils.nodes[:, 0]
         if game.n_experts == 1:
-            return np.asarray(alone[0][:, :, None] + game.discount * (windows.weights[:, 0] @ ahead[first]))
-        around = ahead[first[:, :, None], windows.nodes[:, 1][:, None, :]]
-        backup = windows.weights[:, 0] @ around @ windows.weights[:, 1].swapaxes(1, 2)
-        return np.asarray(alone[0][:, :, None] + alone[1][:, None, :] + game.discount * backup)
+            return np.asarray(unary[0][:, :, None] + game.discount * (stencils.weights[:, 0] @ ahead[first]))
+        around = ahead[first[:, :, None], stencils.nodes[:, 1][:, None, :]]
+        backup = stencils.weights[:, 0] @ around @ stencils.weights[:, 1].swapaxes(1, 2)
+        return np.asarray(unary[0][:, :, None] + unary[1][:, None, :] + game.discount * backup)
 
 
-def move_rewards(
+def action_rewards(
     lattice: Lattice, rewards: tuple[tuple[DroneReward, Vector], ...], drone: int, states: Array, temperature: float
 ) -> Array:
-    """log mu(a) + r_i(s, a) / tau of one drone's M states (M, 2) and A moves, shape (M, A)."""
-    velocities, shares = lattice.moves
+    """log mu(a) + r_i(s, a) / tau of one drone's M states (M, 2) and A actions, shape (M, A)."""
+    velocities, shares = lattice.action_set
     terms = (reward.unary(weights, drone, states[:, None], velocities) for reward, weights in rewards)
     return np.asarray(np.log(shares) + sum(terms, np.zeros((len(states), 1))) / temperature)
 
@@ -175,7 +175,7 @@ class LatticePlanner:
 
     @cached_property
     def lattice(self) -> Lattice:
-        """The nodes, and where moves lead from them."""
+        """The nodes, and where actions lead from them."""
         return Lattice(self.game, self.spacing)
 
     def plan(
@@ -191,14 +191,14 @@ class LatticePlanner:
         kernels = [TransitionKernel.of(self.lattice, rewards, i, self.temperature) for i in range(self.game.n_experts)]
         if len(kernels) == 1:
             kernels.append(TransitionKernel.trivial())
-            together = np.zeros((1, 1))
+            pairwise_terms = np.zeros((1, 1))
         else:
             distances = self.lattice.pair_distances
-            together = sum((reward.pairwise(w, 0, distances) for reward, w in rewards), np.zeros_like(distances))
+            pairwise_terms = sum((reward.pairwise(w, 0, distances) for reward, w in rewards), np.zeros_like(distances))
         values = np.zeros((self.game.horizon + 2, kernels[0].size, kernels[1].size))
         for step in range(self.game.horizon, -1, -1):
             values[step] = backup(kernels[0], kernels[1], self.game.discount * values[step + 1])
-            values[step] += together / self.temperature
+            values[step] += pairwise_terms / self.temperature
         return LatticePolicy(self.lattice, rewards, self.temperature, values)
 
     def state_dict(self, policy: Policy) -> dict[str, Array]:  # noqa: ARG002 - nothing is searched
@@ -216,14 +216,14 @@ class TransitionKernel:
     nodes: Indices
     """Shape (S, W)."""
     logs: Array
-    """Shape (S, W); -inf where no move leads."""
+    """Shape (S, W); -inf where no action leads."""
 
     @classmethod
     def of(
         cls, lattice: Lattice, rewards: tuple[tuple[DroneReward, Vector], ...], drone: int, temperature: float
     ) -> "TransitionKernel":
         """From every node of the lattice."""
-        scores = move_rewards(lattice, rewards, drone, lattice.nodes, temperature)
+        scores = action_rewards(lattice, rewards, drone, lattice.nodes, temperature)
         with np.errstate(divide="ignore"):
             weights = np.log(lattice.everywhere.weights[:, drone])
         logs = np.logaddexp.reduce(scores[:, :, None] + weights, axis=1)
@@ -241,7 +241,7 @@ class TransitionKernel:
 
     @cached_property
     def reached(self) -> Mask:
-        """Where moves lead, shape (S, W)."""
+        """Where actions lead, shape (S, W)."""
         return np.isfinite(self.logs)
 
     @cached_property

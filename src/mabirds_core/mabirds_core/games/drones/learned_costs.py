@@ -41,29 +41,31 @@ def rim(centre: tuple[float, float], radius: float) -> Array:
     return np.asarray(centre + radius * np.column_stack([np.cos(angles), np.sin(angles)]))
 
 
-def pillar_costs(game: DroneGame, omega: Vector) -> tuple[Array, Array]:
-    """Mean costs of where a drone's middle would touch each pillar, and of that disc's rim, each (N_E, pillars)."""
+def obstacle_costs(game: DroneGame, omega: Vector) -> tuple[Array, Array]:
+    """Mean costs of where a drone's middle would touch each obstacle, and of that disc's rim, each (N_E, obstacles)."""
     keep = game.settings.drone_radius
     shapes = (
-        np.array([shape(pillar.centre, pillar.radius + keep) for pillar in game.settings.pillars]).reshape(-1, n, 2)
+        np.array([shape(obstacle.centre, obstacle.radius + keep) for obstacle in game.settings.obstacles]).reshape(
+            -1, n, 2
+        )
         for shape, n in ((disc, POINTS), (rim, RIM_POINTS))
     )
     inside, border = (
-        np.stack([_means_in_room(game, omega, drone, places) for drone in range(game.n_experts)]) for places in shapes
+        np.stack([_means_in_arena(game, omega, drone, places) for drone in range(game.n_experts)]) for places in shapes
     )
     return inside, border
 
 
-def _means_in_room(game: DroneGame, omega: Vector, drone: int, places: Array) -> Array:
-    """Mean cost of each pillar's places (pillars, n, 2) that are in the room; 0 where none is."""
-    reachable = ((places >= 0) & (places <= game.room)).all(axis=-1)
+def _means_in_arena(game: DroneGame, omega: Vector, drone: int, places: Array) -> Array:
+    """Mean cost of each obstacle's places (obstacles, n, 2) that are in the arena; 0 where none is."""
+    reachable = ((places >= 0) & (places <= game.arena)).all(axis=-1)
     costs = np.where(reachable, place_costs(game, omega, drone, places), 0.0)
     return np.asarray(costs.sum(axis=1) / np.maximum(1, reachable.sum(axis=1)))
 
 
-def flown_costs(game: DroneGame, omega: Vector, flights: Trajectories) -> Vector:
+def trajectory_costs(game: DroneGame, omega: Vector, trajectories: Trajectories) -> Vector:
     """Mean cost of where each drone is as long as it is under way, shape (N_E,)."""
-    places, under_way = game.positions(flights.states), ~game.arrived(flights.states)
+    places, under_way = game.positions(trajectories.states), ~game.arrived(trajectories.states)
     by_drone = [
         place_costs(game, omega, drone, places[..., drone, :][under_way[..., drone]]).mean()
         for drone in range(game.n_experts)

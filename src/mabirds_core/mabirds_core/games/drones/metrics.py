@@ -1,4 +1,4 @@
-"""How well drones fly, and by how much policies differ: over their flights."""
+"""How well drones fly, and by how much policies differ: over their rollouts."""
 
 from collections.abc import Sequence
 
@@ -9,26 +9,26 @@ from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.interface import ImitationMetrics, Trajectories
 
 
-def drone_imitation(game: DroneGame, flights: Trajectories) -> ImitationMetrics:
-    """CVR and SR of drones as shares of the given flights, each judged by its whole way, not by its steps alone."""
-    return ImitationMetrics(float(game.violates(flights).mean()), float(game.succeeds(flights).mean()))
+def drone_imitation(game: DroneGame, trajectories: Trajectories) -> ImitationMetrics:
+    """CVR and SR of drones as shares of the given trajectories, each judged at its steps and between them."""
+    return ImitationMetrics(float(game.violates(trajectories).mean()), float(game.succeeds(trajectories).mean()))
 
 
-def place_visitation(game: DroneGame, flights: Trajectories, spacing: float = 0.5) -> Array:
-    """Discounted share of its time that each drone spends in each square of the room, shape (N_E, X, Y), sums 1.
+def place_visitation(game: DroneGame, trajectories: Trajectories, spacing: float = 0.5) -> Array:
+    """Discounted share of its time that each drone spends in each square of the arena, shape (N_E, X, Y), sums 1.
 
     ``spacing``: largest side of a square [m].
     """
-    places = game.positions(flights.states)
+    places = game.positions(trajectories.states)
     counts = np.array(game.settings.lattice(spacing)) - 1
-    squares = np.minimum((places / game.room * counts).astype(np.int64), counts - 1)
+    squares = np.minimum((places / game.arena * counts).astype(np.int64), counts - 1)
     numbers = squares[..., 0] * counts[1] + squares[..., 1]
     weights = np.broadcast_to(game.discount ** np.arange(places.shape[1]), places.shape[:2]) / len(places)
     by_drone = [weighted_counts(numbers[..., i], weights, int(counts.prod())) for i in range(game.n_experts)]
     return np.asarray(np.stack(by_drone).reshape(-1, *counts) / weights.sum())
 
 
-def flight_distance(visitations: Sequence[Array]) -> float:
+def visitation_distance(visitations: Sequence[Array]) -> float:
     """Largest total variation distance of two policies' place visitations, mean over the drones, in [0, 1]."""
     return max(
         (float(np.abs(a - b).sum() / 2 / len(a)) for i, a in enumerate(visitations) for b in visitations[:i]),

@@ -1,4 +1,4 @@
-"""Rooms with drones: pillars, doors, starts, flights, and what places and distances are learned to cost."""
+"""Arenas with drones: obstacles, goal regions, starts, rollouts, and what places and distances are learned to cost."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -16,7 +16,7 @@ from matplotlib.patheffects import Normal, Stroke
 
 from mabirds_core.arrays import Array, Vector
 from mabirds_core.games.drones.game import DroneGame
-from mabirds_core.games.drones.judge import FlightJudge
+from mabirds_core.games.drones.judge import RolloutJudge
 from mabirds_core.games.drones.learned_costs import distance_costs, place_costs
 from mabirds_core.games.interface import Learned
 
@@ -33,40 +33,40 @@ DISTANCES = np.linspace(0.0, 1.5, 151)
 
 
 def colour_of(drone: int) -> str:
-    """The colour of a drone, its start, door and flights."""
+    """The colour of a drone, its start, goal region and trajectories."""
     return COLOURS[drone % len(COLOURS)]
 
 
-def draw_room(axis: Axes, game: DroneGame, drones: Sequence[int] | None = None, *, filled: bool = True) -> None:
-    """Pillars, around each the line that drones' middles may not cross; starts as squares, doors as circles.
+def draw_arena(axis: Axes, game: DroneGame, drones: Sequence[int] | None = None, *, filled: bool = True) -> None:
+    """Obstacles, around each the line that drones' middles may not cross; starts as squares, goal regions as circles.
 
-    ``drones``: whose starts and doors are drawn; None: of all. ``filled``: pillars in grey, not as outlines alone.
+    ``drones``: whose starts and goal regions are drawn; None: of all. ``filled``: obstacles in grey, not as outlines.
     """
     settings = game.settings
-    for pillar in settings.pillars:
-        axis.add_patch(Circle(pillar.centre, pillar.radius, fc="0.6" if filled else "none", ec="0.1", lw=1.2))
-        keep = pillar.radius + settings.drone_radius
-        axis.add_patch(Circle(pillar.centre, keep, fc="none", ec="0.1", lw=0.7, ls=":"))
+    for obstacle in settings.obstacles:
+        axis.add_patch(Circle(obstacle.centre, obstacle.radius, fc="0.6" if filled else "none", ec="0.1", lw=1.2))
+        keep = obstacle.radius + settings.drone_radius
+        axis.add_patch(Circle(obstacle.centre, keep, fc="none", ec="0.1", lw=0.7, ls=":"))
     for drone in range(game.n_experts) if drones is None else drones:
         task, colour = settings.drones[drone], colour_of(drone)
         corner, side = np.subtract(task.start, task.start_spread), 2 * task.start_spread
         axis.add_patch(Rectangle(tuple(corner), side, side, fc="none", ec=colour, lw=1.3))
-        axis.add_patch(Circle(task.door.centre, task.door.radius, fc="none", ec=colour, lw=1.8))
-    width, depth = settings.room
+        axis.add_patch(Circle(task.goal_region.centre, task.goal_region.radius, fc="none", ec=colour, lw=1.8))
+    width, depth = settings.arena
     axis.set(xlim=(0, width), ylim=(0, depth), aspect="equal", xticks=[], yticks=[])
 
 
-def draw_flights(axis: Axes, places: Array, drones: Sequence[int], *, cased: bool = False) -> None:
-    """Flights (m, T + 1, N_E, 2) of ``drones``, a line each. ``cased``: with a white rim, for a dark ground."""
+def draw_trajectories(axis: Axes, places: Array, drones: Sequence[int], *, cased: bool = False) -> None:
+    """Trajectories (m, T + 1, N_E, 2) of ``drones``, a line each. ``cased``: with a white rim, for a dark ground."""
     rim = [Stroke(linewidth=1.3, foreground="white", alpha=0.7), Normal()] if cased else None
     for drone in drones:
-        for flight in places[:, :, drone]:
-            axis.plot(*flight.T, color=colour_of(drone), linewidth=0.7, alpha=0.9, path_effects=rim)
+        for trajectory in places[:, :, drone]:
+            axis.plot(*trajectory.T, color=colour_of(drone), linewidth=0.7, alpha=0.9, path_effects=rim)
 
 
 def cost_field(game: DroneGame, omega: Vector, drone: int) -> Array:
     """Learned costs of places ``RESOLUTION`` apart, y by x."""
-    x, y = (np.arange(RESOLUTION / 2, side, RESOLUTION) for side in game.settings.room)
+    x, y = (np.arange(RESOLUTION / 2, side, RESOLUTION) for side in game.settings.arena)
     return place_costs(game, omega, drone, np.stack(np.meshgrid(x, y), axis=-1))
 
 
@@ -75,13 +75,13 @@ def draw_cost(
 ) -> AxesImage:
     """The learned cost of every place for a drone. ``limits``: of the colours."""
     low, high = limits or (None, None)
-    width, depth = game.settings.room
+    width, depth = game.settings.arena
     field, extent = cost_field(game, omega, drone), (0.0, width, 0.0, depth)
     return axis.imshow(field, cmap=FIELD, origin="lower", extent=extent, vmin=low, vmax=high)
 
 
 class LearnedCosts(NamedTuple):
-    """Cost weights omega (K,) and flights of the policy (m, T + 1, N_E, 2) [m]."""
+    """Cost weights omega (K,) and rollouts of the policy (m, T + 1, N_E, 2) [m]."""
 
     omega: Vector
     places: Array
@@ -95,8 +95,8 @@ def draw_costs(figure: FigureBase, game: DroneGame, learned: dict[str, LearnedCo
     for column, (name, (omega, places)) in zip(axes.T, learned.items(), strict=True):
         for drone, axis in enumerate(column):
             image = draw_cost(axis, game, omega, drone, limits)
-            draw_room(axis, game, [drone], filled=False)
-            draw_flights(axis, places, [drone], cased=True)
+            draw_arena(axis, game, [drone], filled=False)
+            draw_trajectories(axis, places, [drone], cased=True)
             axis.set_title(f"{name}, drone {drone + 1}", fontsize=8)
     figure.colorbar(image, ax=axes, label="learned cost [reward]", shrink=0.8)
 
@@ -112,23 +112,23 @@ def draw_distance_costs(axis: Axes, game: DroneGame, omegas: dict[str, Vector]) 
     axis.legend(fontsize=7)
 
 
-SHOWN_FLIGHTS = 15
+SHOWN_ROLLOUTS = 15
 
 
-def rooms_figure(game: DroneGame, judge: FlightJudge, learned: Mapping[str, Learned], seed: int) -> Figure:
-    """A panel per name and drone: what places cost and some flights; what distances cost."""
+def arena_figure(game: DroneGame, judge: RolloutJudge, learned: Mapping[str, Learned], seed: int) -> Figure:
+    """A panel per name and drone: what places cost and some rollouts; what distances cost."""
     costs = {
-        name: LearnedCosts(omega, game.positions(judge.flights(policy, seed, SHOWN_FLIGHTS).states))
+        name: LearnedCosts(omega, game.positions(judge.rollouts(policy, seed, SHOWN_ROLLOUTS).states))
         for name, (policy, omega) in learned.items()
     }
     return costs_figure(game, costs)
 
 
 def costs_figure(game: DroneGame, learned: dict[str, LearnedCosts]) -> Figure:
-    """Learned costs by name: of each drone's places, with flights, and of the drones' distances."""
+    """Learned costs by name: of each drone's places, with rollouts, and of the drones' distances."""
     width = 2.3 * len(learned) + 1.0
     figure = plt.figure(figsize=(width + 3.6, 2.3 * game.n_experts + 0.5), layout="constrained")
-    rooms, distances = figure.subfigures(1, 2, squeeze=False, width_ratios=(width, 3.6))[0]
-    draw_costs(rooms, game, learned)
+    arenas, distances = figure.subfigures(1, 2, squeeze=False, width_ratios=(width, 3.6))[0]
+    draw_costs(arenas, game, learned)
     draw_distance_costs(distances.subplots(), game, {name: costs.omega for name, costs in learned.items()})
     return figure

@@ -1,7 +1,7 @@
 """Pilots of the drone game that fly like people: smoothly, by no two alike ways, and carefully.
 
-A demonstration begins at a start from P_0. Each drone's pilot chooses the side on which to pass the pillar in between,
-and a smooth way there (flight_paths.py); then, by step, with the pilot's own cruising speed c and lookahead l:
+A demonstration begins at a start from P_0. Each drone's pilot chooses the side on which to pass the obstacle in
+between, and a smooth way there (flight_paths.py); then, by step, with the pilot's own cruising speed c and lookahead l:
 
     wanted       c f (way(s + l) - p) / |way(s + l) - p| + n,    pure pursuit (Coulter 1992), n: AR(1) noise
     velocity     v + RESPONSE (wanted - v)
@@ -26,10 +26,10 @@ from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.geometry import swept_separation
 from mabirds_core.games.interface import Trajectories
 
-INTENTIONS, FLIGHTS = 10, 20
-"""Starts with sides that are drawn for a demonstration before giving up, and flights for each of them.
+INTENTIONS, ATTEMPTS = 10, 20
+"""Starts with sides that are drawn for a demonstration before giving up, and trajectories for each of them.
 
-Only flights are drawn again as long as there is hope: starts and sides have the distribution they should have.
+Only trajectories are drawn again as long as there is hope: starts and sides have the distribution they should have.
 """
 LOOKAHEAD = 2.5
 """Steps at largest speed by which pure pursuit looks ahead."""
@@ -40,11 +40,11 @@ PERSISTENCE = 0.7
 FRACTIONS = np.array([1.0, 0.75, 0.5, 0.25, 0.0])
 """Fractions of its speed that a drone may slow down to."""
 AIM = 0.5
-"""Pilots aim at places within this fraction of their door's radius."""
+"""Pilots aim at places within this fraction of their goal region's radius."""
 
 
 class Intention(NamedTuple):
-    """What stays when a flight is drawn again."""
+    """What stays when a trajectory is drawn again."""
 
     start: Array
     """A joint state, shape (N_E D,)."""
@@ -57,19 +57,19 @@ class Pilots:
 
     game: DroneGame
     side: str
-    """By start: those who start left of the straight way from their start's middle to their door pass left."""
+    """By start: those who start left of the straight way from their start's middle to their goal region pass left."""
     cruise: tuple[float, float] = (0.88, 1.0)
     """Least and largest cruising speed, by the game's largest."""
-    comfort: tuple[float, float] = (0.35, 0.55)
-    """Least and largest distance from pillars that pilots like to keep [m]."""
+    clearance: tuple[float, float] = (0.35, 0.55)
+    """Least and largest distance from obstacles that pilots like to keep [m]."""
     noise: float = 0.08
     """Standard deviation of the noise of each component of the velocity, by the largest speed."""
     foresight: float = 2.5
     """How far pilots look into the future to yield [s]; 0: they do not care for each other."""
-    berth: float = 0.2
+    yield_margin: float = 0.2
     """Beyond the least distance, what they want between them then [m]."""
     margin: float = 0.1
-    """What a demonstration leaves to every pillar, and beyond the least distance between drones [m]."""
+    """What a demonstration leaves to every obstacle, and beyond the least distance between drones [m]."""
 
     def demonstrations(self, count: int, rng: np.random.Generator) -> Iterator[Trajectories]:
         """``count`` demonstrations. Raises InfeasibleError where there are none, or too few to be found."""
@@ -77,19 +77,19 @@ class Pilots:
             yield self.demonstration(rng)
 
     def demonstration(self, rng: np.random.Generator) -> Trajectories:
-        """One demonstration. Raises InfeasibleError where none is found, or a drone has no way to its door."""
+        """One demonstration. Raises InfeasibleError where none is found, or a drone has no way to its goal region."""
         self._check_ways()
         faults: Counter[str] = Counter()
         for _ in range(INTENTIONS):
             intention = self._intention(rng)
-            for _ in range(FLIGHTS):
-                flight = self._flight(intention, rng)
-                fault = self._fault(flight)
+            for _ in range(ATTEMPTS):
+                trajectory = self._trajectory(intention, rng)
+                fault = self._fault(trajectory)
                 if fault is None:
-                    return flight
+                    return trajectory
                 faults[fault] += 1
         raise InfeasibleError(
-            f"none of {faults.total()} flights will do as a demonstration:"
+            f"none of {faults.total()} trajectories will do as a demonstration:"
             f" {', '.join(f'{count} {fault}' for fault, count in faults.most_common())};"
             " make more room, raise the horizon, or lower the pilots' margin"
         )
@@ -103,9 +103,10 @@ class Pilots:
             if not corridors:
                 settings = self.game.settings
                 raise InfeasibleError(
-                    f"drone {number} has no way to its door that leaves {self.margin:g} m to the pillars and takes"
-                    f" at most {settings.horizon} steps of {settings.time_step:g} s at {settings.max_speed:g} m/s;"
-                    " move the pillars, the start or the door, or raise the horizon"
+                    f"drone {number} has no way to its goal region that leaves {self.margin:g} m to the obstacles and"
+                    f" takes at most {settings.horizon} steps of {settings.time_step:g} s at"
+                    f" {settings.max_speed:g} m/s;"
+                    " move the obstacles, the start or the goal region, or raise the horizon"
                 )
 
     def _intention(self, rng: np.random.Generator) -> Intention:
@@ -125,33 +126,33 @@ class Pilots:
                 return [self._planner.side_of(drone, place) for drone, place in enumerate(self.game.positions(start))]
         return [LEFT if self.side == "left" else RIGHT] * count
 
-    def _flight(self, intention: Intention, rng: np.random.Generator) -> Trajectories:
+    def _trajectory(self, intention: Intention, rng: np.random.Generator) -> Trajectories:
         settings, paths = self.game.settings, self._paths(intention, rng)
         slowest, fastest = (fraction * settings.max_speed for fraction in self.cruise)
         needed = paths.lengths / (settings.horizon * settings.time_step)  # who has far to fly must hurry
         speeds = rng.uniform(np.clip(needed, slowest, fastest), fastest)
-        return _Flight(self, paths, speeds, rng.permutation(self.game.n_experts)).flown(intention.start, rng)
+        return _Rollout(self, paths, speeds, rng.permutation(self.game.n_experts)).run(intention.start, rng)
 
     def _paths(self, intention: Intention, rng: np.random.Generator) -> FlightPaths:
         n, dynamics = self.game.n_experts, self.game.dynamics
-        angle, radius = rng.uniform(0, 2 * np.pi, n), AIM * dynamics.door_radii * np.sqrt(rng.uniform(size=n))
-        aims = dynamics.doors + radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        comfort = rng.uniform(*self.comfort, size=n)
+        angle, radius = rng.uniform(0, 2 * np.pi, n), AIM * dynamics.goal_radii * np.sqrt(rng.uniform(size=n))
+        aims = dynamics.goals + radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        clearance = rng.uniform(*self.clearance, size=n)
         starts = self.game.positions(intention.start)
-        return self._planner.paths(starts, np.clip(aims, 0.0, self.game.room), intention.sides, comfort)
+        return self._planner.paths(starts, np.clip(aims, 0.0, self.game.arena), intention.sides, clearance)
 
-    def _fault(self, flight: Trajectories) -> str | None:
+    def _fault(self, trajectory: Trajectories) -> str | None:
         """Why this is no demonstration."""
-        if (self.game.pillar_clearance(flight.states) < self.margin).any():
-            return "came too near to a pillar"
-        if (self.game.separation_clearance(flight.states) < self.margin).any():
+        if (self.game.obstacle_clearance(trajectory.states) < self.margin).any():
+            return "came too near to an obstacle"
+        if (self.game.separation_clearance(trajectory.states) < self.margin).any():
             return "came too near to each other"
-        return None if self.game.arrived(flight.states[0, -1]).all() else "did not arrive in time"
+        return None if self.game.arrived(trajectory.states[0, -1]).all() else "did not arrive in time"
 
 
 @dataclass(frozen=True)
-class _Flight:
-    """A flight under way: drones between their starts and their doors."""
+class _Rollout:
+    """A trajectory under way: drones between their starts and their goal regions."""
 
     pilots: Pilots
     paths: FlightPaths
@@ -160,8 +161,8 @@ class _Flight:
     order: Indices
     """Drones from the one that yields to nobody to the one that yields to all, shape (N_E,)."""
 
-    def flown(self, start: Array, rng: np.random.Generator) -> Trajectories:
-        """The flight from a joint state (N_E D,)."""
+    def run(self, start: Array, rng: np.random.Generator) -> Trajectories:
+        """The trajectory from a joint state (N_E D,)."""
         game, steps = self.pilots.game, self.pilots.game.horizon + 1
         states, actions = np.empty((steps, game.state_size)), np.zeros((steps, game.action_size))
         noise = self.pilots.noise * game.settings.max_speed * correlated_noise(steps, game.n_experts, rng)
@@ -227,11 +228,11 @@ class _Flight:
         own, other = futures[:, None], others[None]
         apart = swept_separation((own[..., :-1, :], other[..., :-1, :]), (own[..., 1:, :], other[..., 1:, :]))
         least = apart.min(axis=(1, 2))
-        free = np.flatnonzero(least >= self.pilots.game.settings.least_distance + self.pilots.berth)
+        free = np.flatnonzero(least >= self.pilots.game.settings.least_distance + self.pilots.yield_margin)
         return int(free[0] if len(free) else least.argmax())
 
     def _controls(self, wanted: Array, velocities: Array, arrived: Mask) -> tuple[Array, Array]:
-        """Actions of the drones (N_E, 2), none at the door, and the velocities that follow."""
+        """Actions of the drones (N_E, 2), none in the goal region, and the velocities that follow."""
         dynamics, step = self.pilots.game.dynamics, self.pilots.game.settings.time_step
         after = _at_most(velocities + RESPONSE * (wanted - velocities), dynamics.max_speed)
         after[arrived] = 0.0
@@ -251,6 +252,6 @@ def correlated_noise(steps: int, drones: int, rng: np.random.Generator) -> Array
 
 
 def _at_most(vectors: Array, longest: float) -> Array:
-    """Vectors (k, 2), truncate where they are longer."""
+    """Vectors (k, 2), truncated where they are longer."""
     length = np.hypot(*vectors.T)[:, None]
     return np.asarray(vectors * np.where(length > longest, longest / np.maximum(length, 1e-300), 1.0))

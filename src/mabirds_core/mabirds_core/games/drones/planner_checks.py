@@ -8,10 +8,10 @@ from mabirds_core.games.drones.planner_settings import LatticeSettings, SoftActo
 from mabirds_core.planners.settings import check_rollouts
 
 MAX_VALUES = 200_000_000
-"""Values that a policy on a lattice may keep, and weights of where moves lead: 1.6 gigabytes each."""
+"""Values that a policy on a lattice may keep, and weights of where actions lead: 1.6 gigabytes each."""
 
-MOVES = 25
-"""Moves of a drone on a lattice."""
+LATTICE_ACTIONS = 25
+"""Actions of a drone on a lattice."""
 
 
 def suits_lattice(game: DroneGame) -> bool:
@@ -29,8 +29,10 @@ def check_lattice(lattice: LatticeSettings, game: DroneGame) -> None:
         )
     nodes = math.prod(float(count) for count in settings.lattice(lattice.spacing))
     of_states = nodes**game.n_experts * (game.horizon + 2)
-    of_moves = nodes * game.n_experts * MOVES * math.prod(map(float, settings.window(lattice.spacing)))
-    if (values := max(of_states, of_moves)) > MAX_VALUES:
+    of_actions = (
+        nodes * game.n_experts * LATTICE_ACTIONS * math.prod(map(float, settings.stencil_shape(lattice.spacing)))
+    )
+    if (values := max(of_states, of_actions)) > MAX_VALUES:
         raise ExperimentError(
             f"algorithm.policy.spacing {lattice.spacing:g} m makes {values:.2g} values, expected at most"
             f" {MAX_VALUES:.2g}; take a larger one"

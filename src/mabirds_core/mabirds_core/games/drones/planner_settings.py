@@ -16,7 +16,7 @@ class LatticeSettings(Settings):
 
 
 class SoftActorCriticSettings(Settings):
-    """Networks that learn from imagined flights and observed demonstrations, kept from iteration to iteration."""
+    """Networks that learn from imagined rollouts and observed demonstrations, kept from iteration to iteration."""
 
     kind: Literal["soft_actor_critic"]
     temperature: float = Field(0.02, gt=0, le=1000, description="tau: the policy is that of the reward divided by it")
@@ -25,7 +25,7 @@ class SoftActorCriticSettings(Settings):
     first_steps: int = Field(600, ge=1, le=1_000_000, description="gradient steps of the first search")
     batch: int = Field(128, ge=1, le=1_000_000, description="transitions per gradient step")
     capacity: int = Field(30_000, ge=1, le=10_000_000, description="transitions that are kept")
-    rollouts: int = Field(32, ge=1, le=100_000, description="flights added to them in each search")
+    rollouts: int = Field(32, ge=1, le=100_000, description="trajectories added to them in each search")
     learning_rate: float = Field(1e-3, gt=0, le=1, description="of the first search")
     device: Literal["cpu", "cuda"] = Field("cpu", description="what computes")
     threads: int = Field(1, ge=1, le=1024, description="of the CPU; results repeat bit for bit with one")

@@ -42,7 +42,7 @@ class NeuralDroneReward:
 
         w_i = C / N_E  tanh( sum_h tanh(v_ih) tanh(U_ih x_i + b_ih) )
 
-    x_i in [-1, 1]^2 is the place in the room, so |r_theta| <= C. Gradient and Hessian are bounded for all theta
+    x_i in [-1, 1]^2 is the place in the arena, so |r_theta| <= C. Gradient and Hessian are bounded for all theta
     (Assumption 1), as those of ``rewards.NeuralReward`` are. The gradient is torch.func's, in float64.
     """
 
@@ -83,10 +83,10 @@ class NeuralDroneReward:
         return np.zeros(distances.shape)
 
     def _scaled(self, places: Array) -> Any:
-        """Places (..., n, 2) from -1 to 1 along each axis of the room, as a tensor."""
+        """Places (..., n, 2) from -1 to 1 along each axis of the arena, as a tensor."""
         import torch
 
-        return torch.from_numpy(2 * places / self.game.room - 1)
+        return torch.from_numpy(2 * places / self.game.arena - 1)
 
     def _rewards(self, theta: Any, places: Any) -> Any:
         """w_i at scaled places (..., n, 2) of the n drones whose parameters ``theta`` holds, shape (..., n)."""
@@ -103,9 +103,9 @@ class TrueDroneReward(FixedModel):
     game: DroneGame
 
     def unary(self, theta: Vector, drone: int, states: Array, actions: Array) -> Array:  # noqa: ARG002
-        """-step_cost where the drone is not at its door."""
-        door = self.game.settings.drones[drone].door
-        there = ((states[..., :2] - door.centre) ** 2).sum(axis=-1) <= door.radius**2
+        """-step_cost where the drone is not in its goal region."""
+        goal = self.game.settings.drones[drone].goal_region
+        there = ((states[..., :2] - goal.centre) ** 2).sum(axis=-1) <= goal.radius**2
         return np.where(there, 0.0, -self.game.settings.step_cost)
 
     def pairwise(self, theta: Vector, pair: int, distances: Array) -> Array:  # noqa: ARG002 - none

@@ -1,7 +1,8 @@
 """The drone game as written in an experiment file; metres, seconds."""
 
+from collections.abc import Mapping
 from itertools import combinations
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -16,7 +17,7 @@ Length = Annotated[float, Field(ge=1e-6, le=1000)]
 
 
 class Circle(Settings):
-    """A pillar or a door."""
+    """An obstacle or a goal region."""
 
     centre: Point = Field(description="x, y [m]")
     radius: Length = Field(description="[m]")
@@ -27,27 +28,29 @@ class DroneTask(Settings):
 
     start: Point = Field(description="middle of the square in which it begins [m]")
     start_spread: float = Field(0.0, ge=0, le=1000, description="half the side of that square [m]")
-    door: Circle
+    goal_region: Circle
+
+    renamed: ClassVar[Mapping[str, str]] = {"door": "goal_region"}
 
 
 class DroneFeatureSettings(Settings):
-    """Gaussian bumps exp(-d^2 / 2 width^2) that costs and linear rewards are made of."""
+    """Gaussian radial basis functions (RBFs) exp(-d^2 / 2 width^2) that costs and linear rewards are made of."""
 
-    cost_spacing: Length = Field(0.375, description="between the cost features' bumps [m]")
-    cost_width: Length = Field(0.2, description="of the cost features' bumps [m]")
-    distance_widths: tuple[Length, ...] = Field((0.2, 0.4, 0.6), description="of the bumps of two drones' distance [m]")
+    cost_spacing: Length = Field(0.375, description="between the cost features' RBFs [m]")
+    cost_width: Length = Field(0.2, description="of the cost features' RBFs [m]")
+    distance_widths: tuple[Length, ...] = Field((0.2, 0.4, 0.6), description="of the RBFs of two drones' distance [m]")
     distance_scale: float = Field(1.0, gt=0, le=1000, description="how often those count: drones seldom meet")
     effort_scale: float = Field(0.1, ge=0, le=1000, description="of the feature (|action| / largest action)^2")
-    reward_spacing: Length = Field(0.5, description="between the linear reward's bumps [m]")
-    reward_width: Length = Field(0.4, description="of the linear reward's bumps [m]")
+    reward_spacing: Length = Field(0.5, description="between the linear reward's RBFs [m]")
+    reward_width: Length = Field(0.4, description="of the linear reward's RBFs [m]")
 
 
 class DroneSettings(Settings):
-    """A room with pillars and doors, and the drones that cross it; see ros_ws/config/drones.yaml."""
+    """An arena with obstacles and goal regions, and the drones that cross it; see ros_ws/config/drones.yaml."""
 
     kind: Literal["drones"]
-    room: tuple[Length, Length] = Field(description="width and depth [m]; walls stop drones")
-    pillars: tuple[Circle, ...] = Field((), max_length=1000, description="what drones may not touch")
+    arena: tuple[Length, Length] = Field(description="width and depth [m]; walls stop drones")
+    obstacles: tuple[Circle, ...] = Field((), max_length=1000, description="what drones may not touch")
     drones: tuple[DroneTask, ...] = Field(min_length=1, max_length=10)
     dynamics: Literal["single_integrator", "double_integrator"] = Field(
         "single_integrator", description="actions are velocities, or accelerations"
@@ -62,41 +65,43 @@ class DroneSettings(Settings):
     step_cost: float = Field(0.1, ge=0, le=1000, description="true reward: minus this per step and drone under way")
     features: DroneFeatureSettings = DroneFeatureSettings()
 
+    renamed: ClassVar[Mapping[str, str]] = {"room": "arena", "pillars": "obstacles"}
+
     @property
     def n_experts(self) -> int:
         """N_E."""
         return len(self.drones)
 
     def lattice(self, spacing: float) -> tuple[int, int]:
-        """Points of a lattice over the room that is no coarser than ``spacing``, by axis."""
-        return tuple(int(np.ceil(side / spacing * (1 - 1e-9))) + 1 for side in self.room)  # type: ignore[return-value]
+        """Points of a lattice over the arena that is no coarser than ``spacing``, by axis."""
+        return tuple(int(np.ceil(side / spacing * (1 - 1e-9))) + 1 for side in self.arena)  # type: ignore[return-value]
 
-    def window(self, spacing: float) -> tuple[int, int]:
+    def stencil_shape(self, spacing: float) -> tuple[int, int]:
         """Points of that lattice around a place that a single integrator's step from it can need, by axis."""
         way = self.max_speed * self.time_step
-        sides = zip(self.room, self.lattice(spacing), strict=True)
+        sides = zip(self.arena, self.lattice(spacing), strict=True)
         return tuple(min(2 * int(np.ceil(way / side * (n - 1))) + 2, n) for side, n in sides)  # type: ignore[return-value]
 
     @model_validator(mode="after")
-    def _fits_into_the_room(self) -> "DroneSettings":
+    def _fits_into_the_arena(self) -> "DroneSettings":
         for number, task in enumerate(self.drones, start=1):
-            for name, point in (("start", task.start), ("door", task.door.centre)):
-                if not all(0 <= x <= side for x, side in zip(point, self.room, strict=True)):
-                    raise ValueError(f"{name} {point} of drone {number}: expected a place in the room {self.room}")
-            for pillar in self.pillars:
-                self._check_free(number, task, pillar)
+            for name, point in (("start", task.start), ("goal_region", task.goal_region.centre)):
+                if not all(0 <= x <= side for x, side in zip(point, self.arena, strict=True)):
+                    raise ValueError(f"{name} {point} of drone {number}: expected a place in the arena {self.arena}")
+            for obstacle in self.obstacles:
+                self._check_free(number, task, obstacle)
         return self
 
-    def _check_free(self, number: int, task: DroneTask, pillar: Circle) -> None:
-        """No start may touch a pillar, and the middle of no door."""
-        keep = pillar.radius + self.drone_radius
+    def _check_free(self, number: int, task: DroneTask, obstacle: Circle) -> None:
+        """No start may touch an obstacle, and the centre of no goal region."""
+        keep = obstacle.radius + self.drone_radius
         nearest = np.clip(
-            pillar.centre, np.subtract(task.start, task.start_spread), np.add(task.start, task.start_spread)
+            obstacle.centre, np.subtract(task.start, task.start_spread), np.add(task.start, task.start_spread)
         )
-        for name, point in (("start", nearest), ("door", task.door.centre)):
-            if np.hypot(*np.subtract(point, pillar.centre)) < keep:
+        for name, point in (("start", nearest), ("goal_region", task.goal_region.centre)):
+            if np.hypot(*np.subtract(point, obstacle.centre)) < keep:
                 raise ValueError(
-                    f"{name} of drone {number} touches the pillar at {pillar.centre}: expected {keep:g} m between"
+                    f"{name} of drone {number} touches the obstacle at {obstacle.centre}: expected {keep:g} m between"
                     " their middles; move one of them"
                 )
 
@@ -117,5 +122,7 @@ class DroneSettings(Settings):
         for name, spacing in spacings.items():
             count = self.n_experts * int(np.prod(np.array(self.lattice(spacing), dtype=float)))
             if count > MAX_FEATURES:
-                raise ValueError(f"features.{name} {spacing:g} makes {count} bumps, expected at most {MAX_FEATURES}")
+                raise ValueError(
+                    f"features.{name} {spacing:g} makes {count} RBF features, expected at most {MAX_FEATURES}"
+                )
         return self

@@ -54,7 +54,7 @@ RANDOM_ROLLOUTS, HOLD = 4, 8
 MOMENTS = ("weights", "mean", "square")
 """The tensors of ``Adam``."""
 
-LARGEST = float(np.finfo(np.float32).max)
+MAX_NUMBER = float(np.finfo(np.float32).max)
 """No remembered number may be larger."""
 
 
@@ -67,7 +67,7 @@ class Minibatch(NamedTuple):
     efforts: Tensor
     """r(s, a) - r(s, 0)."""
     idle: Tensor
-    """r(s', 0); of the last steps of flights neither this nor s' counts."""
+    """r(s', 0); of the last steps of rollouts neither this nor s' counts."""
     times: Tensor
     noise: Tensor
 
@@ -106,7 +106,7 @@ class SacPolicy:
 
 @dataclass(frozen=True)
 class SacPlanner:
-    """The planner that learns from flights, its own and those observed; it starts from where ``previous`` stopped."""
+    """The planner that learns from its own rollouts and from those observed; it starts where ``previous`` stopped."""
 
     game: DroneGame
     reward_model: DroneRewardModel
@@ -149,9 +149,9 @@ class SacPlanner:
         It begins anew where ``previous`` is None, of another kind or of another game.
         """
         if rng is None:
-            raise TypeError("a soft actor-critic draws flights, but rng is None; pass a numpy.random.Generator")
+            raise TypeError("a soft actor-critic draws rollouts, but rng is None; pass a numpy.random.Generator")
         start = previous if self._fits(previous) else self._beginning(rng)
-        new = drone_rollouts(self.game, start, self.rollouts, rng) if start.searches else self._random_flights(rng)
+        new = drone_rollouts(self.game, start, self.rollouts, rng) if start.searches else self._random_rollouts(rng)
         replay = start.replay.with_rollouts(new, self.capacity).with_demonstrations(observed, self.capacity)
         with torch_threads(self.threads):
             learned = self._trained(start, theta, omega, replay, rng)
@@ -167,8 +167,8 @@ class SacPlanner:
         actor, critics = networks.actor.initial(1, rng), networks.critic.initial(2, rng)
         return SacPolicy(networks, ActorCritic(Adam.of(actor), Adam.of(critics), critics), Replay.empty(self.game), 0)
 
-    def _random_flights(self, rng: np.random.Generator) -> Trajectories:
-        """Flights by actions from mu that are held for a while, so that they come around in the room."""
+    def _random_rollouts(self, rng: np.random.Generator) -> Trajectories:
+        """Rollouts by actions from mu that are held for a while, so that they come around in the arena."""
         game, count, length = self.game, RANDOM_ROLLOUTS * self.rollouts, self.game.horizon + 1
         shape = (count, length // HOLD + 1, game.n_experts)
         radius, angle = np.sqrt(rng.random(shape)), rng.uniform(0, 2 * np.pi, size=shape)
@@ -289,7 +289,7 @@ def _numbers(memory: Mapping[str, Array], name: str, shape: tuple[int, ...]) -> 
     """What is remembered under ``name``, of ``shape``; a length of -1 is any."""
     values = memory.get(name, np.empty(0))
     fits = len(values.shape) == len(shape) and all(m in {-1, n} for n, m in zip(values.shape, shape, strict=True))
-    if not fits or not (np.abs(values) <= LARGEST).all():
+    if not fits or not (np.abs(values) <= MAX_NUMBER).all():
         raise CheckpointError(
             f"{name}: shape {values.shape}, expected {shape} and finite numbers; the checkpoint is of another game or"
             " other settings of the planner"

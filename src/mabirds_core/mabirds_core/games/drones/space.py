@@ -1,4 +1,4 @@
-"""The space that drones share: the room, and joint states and actions by drone. Metres throughout."""
+"""The space that drones share: the arena, and joint states and actions by drone. Metres throughout."""
 
 from dataclasses import dataclass
 from itertools import combinations
@@ -10,7 +10,7 @@ from mabirds_core.arrays import Array
 
 @dataclass(frozen=True)
 class DroneSpace:
-    """A room in which N_E drones of D numbers each fly: joint states (..., N_E D), joint actions (..., 2 N_E)."""
+    """An arena in which N_E drones of D numbers each fly: joint states (..., N_E D), joint actions (..., 2 N_E)."""
 
     sides: tuple[float, float]
     """Width and depth [m]."""
@@ -29,7 +29,7 @@ class DroneSpace:
         return 2 * self.n_experts
 
     @property
-    def room(self) -> Array:
+    def arena(self) -> Array:
         """Width and depth, shape (2,) [m]."""
         return np.array(self.sides)
 
@@ -39,7 +39,7 @@ class DroneSpace:
         return list(combinations(range(self.n_experts), 2))
 
     def grid(self, spacing: float) -> tuple[int, int]:
-        """Points of a lattice over the room that is no coarser than ``spacing``, by axis."""
+        """Points of a lattice over the arena that is no coarser than ``spacing``, by axis."""
         width, depth = (int(np.ceil(side / spacing * (1 - 1e-9))) + 1 for side in self.sides)
         return width, depth
 

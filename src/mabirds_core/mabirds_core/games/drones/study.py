@@ -3,7 +3,7 @@
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.assembly import build_game
 from mabirds_core.experiment.file import Experiment
-from mabirds_core.games.drones.judge import FLIGHTS
+from mabirds_core.games.drones.judge import EVAL_ROLLOUTS
 from mabirds_core.games.drones.rollouts import DronePolicy
 from mabirds_core.games.drones.whole_game import WholeDroneGame
 from mabirds_core.games.interface import Trajectories
@@ -18,6 +18,8 @@ def drone_game(experiment: Experiment) -> WholeDroneGame:
     return game
 
 
-def flights_of(experiment: Experiment, game: WholeDroneGame, policy: DronePolicy, count: int = FLIGHTS) -> Trajectories:
-    """Flights of a policy, the same for every learner and iteration but for what it decides."""
-    return game.judge.flights(policy, experiment.seed, count)
+def eval_rollouts(
+    experiment: Experiment, game: WholeDroneGame, policy: DronePolicy, count: int = EVAL_ROLLOUTS
+) -> Trajectories:
+    """Rollouts of a policy, the same for every learner and iteration but for what it decides."""
+    return game.judge.rollouts(policy, experiment.seed, count)

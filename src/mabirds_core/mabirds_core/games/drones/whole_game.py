@@ -5,7 +5,7 @@ from typing import Any
 
 from mabirds_core.extras import require
 from mabirds_core.games.drones.game import DroneGame
-from mabirds_core.games.drones.judge import FlightJudge
+from mabirds_core.games.drones.judge import RolloutJudge
 from mabirds_core.games.drones.planner_checks import suits_lattice
 from mabirds_core.games.drones.planner_settings import LatticeSettings, SoftActorCriticSettings
 from mabirds_core.games.drones.rewards import DroneRewardModel, LinearDroneReward, NeuralDroneReward, TrueDroneReward
@@ -28,9 +28,9 @@ class WholeDroneGame(DroneGame):
     expert_kinds = ("pilots",)
 
     @property
-    def judge(self) -> FlightJudge:
-        """The judge of policies, by their flights."""
-        return FlightJudge(self)
+    def judge(self) -> RolloutJudge:
+        """The judge of policies, by their rollouts."""
+        return RolloutJudge(self)
 
     def expectation(self, kind: str, count: int) -> SampledDroneOccupancy:  # noqa: ARG002 - there is no other
         """The estimator of expectations: means over ``count`` rollouts."""
@@ -58,17 +58,17 @@ class WholeDroneGame(DroneGame):
         return own
 
     def experts(self, kind: str, side: str) -> Experts:  # noqa: ARG002 - there is no other
-        """Pilots, who pass pillars on ``side``."""
+        """Pilots, who pass obstacles on ``side``."""
         require("scipy", "pilots of drones", DRONES)
         from mabirds_core.games.drones.pilots import Pilots  # scipy is for recording, and for the lattice
 
         return Pilots(self, side)
 
     def figure(self, learned: Mapping[str, Learned], threshold: float, seed: int) -> Any:  # noqa: ARG002 - costs
-        """The room by name and drone: what places cost, some flights, and what distances cost."""
-        from mabirds_core.games.drones.pictures import rooms_figure  # matplotlib is for reports
+        """The arena by name and drone: what places cost, some rollouts, and what distances cost."""
+        from mabirds_core.games.drones.pictures import arena_figure  # matplotlib is for reports
 
-        return rooms_figure(self, self.judge, learned, seed)
+        return arena_figure(self, self.judge, learned, seed)
 
 
 def build_lattice(settings: LatticeSettings, game: DroneGame, reward: DroneRewardModel) -> Planner:

@@ -1,4 +1,4 @@
-"""The central session: an update once all streams are there, and what it refuses."""
+"""The baseline session: an update once all streams are there, and what it refuses."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import simulate_central
 from mabirds_core.games.interface import Trajectories
 from mabirds_expert_player.recorder import expert_streams
-from mabirds_learner.central_session import CentralSession
+from mabirds_learner.baseline_session import BaselineSession
 
 HISTORY = 4
 
@@ -20,12 +20,12 @@ def streams(experiment: Experiment) -> dict[str, list[Trajectories]]:
 
 
 @pytest.fixture
-def session(experiment: Experiment) -> CentralSession:
-    return CentralSession(build_method(experiment, "bics"), experiment.learners, experiment.iterations, HISTORY)
+def session(experiment: Experiment) -> BaselineSession:
+    return BaselineSession(build_method(experiment, "bics"), experiment.learners, experiment.iterations, HISTORY)
 
 
 def test_it_waits_for_every_stream_and_names_those_that_are_missing(
-    session: CentralSession, streams: dict[str, list[Trajectories]]
+    session: BaselineSession, streams: dict[str, list[Trajectories]]
 ) -> None:
     assert session.waiting_for() == ["learner_1", "learner_2"]
     session.receive_demonstration("learner_2", 1, streams["learner_2"][0])
@@ -39,7 +39,7 @@ def test_it_waits_for_every_stream_and_names_those_that_are_missing(
 
 
 def test_the_order_of_arrival_does_not_matter(
-    experiment: Experiment, session: CentralSession, streams: dict[str, list[Trajectories]]
+    experiment: Experiment, session: BaselineSession, streams: dict[str, list[Trajectories]]
 ) -> None:
     expected = simulate_central(experiment, "bics", streams)["bics"][-1]
     rng, pending = np.random.default_rng(0), [(name, n) for n in range(1, 7) for name in streams]
@@ -56,7 +56,7 @@ def test_the_order_of_arrival_does_not_matter(
 
 
 def test_old_repeated_and_far_demonstrations_are_refused_by_reason(
-    session: CentralSession, streams: dict[str, list[Trajectories]]
+    session: BaselineSession, streams: dict[str, list[Trajectories]]
 ) -> None:
     one = streams["learner_1"][0]
     session.receive_demonstration("learner_1", 1, one)

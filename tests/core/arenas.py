@@ -19,14 +19,14 @@ from mabirds_core.games.interface import Trajectories
 
 Pair = tuple[float, float]
 
-ROOM: dict[str, Any] = {
+ARENA: dict[str, Any] = {
     "kind": "drones",
-    "room": (1.6, 1.2),
-    "pillars": [{"centre": (0.8, 0.6), "radius": 0.15}],
+    "arena": (1.6, 1.2),
+    "obstacles": [{"centre": (0.8, 0.6), "radius": 0.15}],
     "drones": [
-        {"start": (0.3, 0.3), "start_spread": 0.1, "door": {"centre": (1.3, 1.0), "radius": 0.2}},
-        {"start": (1.3, 0.2), "start_spread": 0.1, "door": {"centre": (0.2, 0.9), "radius": 0.25}},
-        {"start": (0.8, 1.0), "start_spread": 0.0, "door": {"centre": (0.8, 0.1), "radius": 0.1}},
+        {"start": (0.3, 0.3), "start_spread": 0.1, "goal_region": {"centre": (1.3, 1.0), "radius": 0.2}},
+        {"start": (1.3, 0.2), "start_spread": 0.1, "goal_region": {"centre": (0.2, 0.9), "radius": 0.25}},
+        {"start": (0.8, 1.0), "start_spread": 0.0, "goal_region": {"centre": (0.8, 0.1), "radius": 0.1}},
     ],
     "time_step": 0.25,
     "horizon": 3,
@@ -49,19 +49,19 @@ ROOM: dict[str, Any] = {
 """Three drones; games of fewer take the first ones."""
 
 
-def room_settings(drones: int = 2, changes: dict[str, Any] | None = None) -> DroneSettings:
-    """``ROOM`` with its first drones and some settings replaced, named by dotted path."""
-    return DroneSettings.model_validate(changed(changes or {}, {**ROOM, "drones": ROOM["drones"][:drones]}))
+def arena_settings(drones: int = 2, changes: dict[str, Any] | None = None) -> DroneSettings:
+    """``ARENA`` with its first drones and some settings replaced, named by dotted path."""
+    return DroneSettings.model_validate(changed(changes or {}, {**ARENA, "drones": ARENA["drones"][:drones]}))
 
 
-def room(drones: int = 2, changes: dict[str, Any] | None = None) -> DroneGame:
+def arena(drones: int = 2, changes: dict[str, Any] | None = None) -> DroneGame:
     """The game of it."""
-    return DroneGame(room_settings(drones, changes))
+    return DroneGame(arena_settings(drones, changes))
 
 
 def double(drones: int = 2, changes: dict[str, Any] | None = None) -> DroneGame:
     """The same with double integrators."""
-    return room(drones, {"dynamics": "double_integrator", **(changes or {})})
+    return arena(drones, {"dynamics": "double_integrator", **(changes or {})})
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class RandomPilot:
         return np.asarray((lengths[..., None] * turned).reshape(len(states), -1))
 
 
-def random_flights(game: DroneGame, count: int, seed: int = 0) -> Trajectories:
+def random_rollouts(game: DroneGame, count: int, seed: int = 0) -> Trajectories:
     """Of random pilots from P_0."""
     return drone_rollouts(game, RandomPilot(game), count, np.random.default_rng(seed))
 
@@ -89,7 +89,7 @@ def joint(values: Array) -> Array:
     return values.reshape(*values.shape[:-2], -1)
 
 
-class SlowRoom:
+class SlowArena:
     """The rules for one drone once more, with numbers instead of arrays."""
 
     def __init__(self, settings: DroneSettings) -> None:
@@ -97,56 +97,57 @@ class SlowRoom:
 
     def after(self, drone: int, place: Pair, velocity: Pair) -> Pair:
         """Where a single integrator is one step later."""
-        s, door = self.settings, self.settings.drones[drone].door
-        if math.dist(place, door.centre) <= door.radius:
+        s, goal = self.settings, self.settings.drones[drone].goal_region
+        if math.dist(place, goal.centre) <= goal.radius:
             return place
         share = min(1.0, s.max_speed / math.hypot(*velocity)) if any(velocity) else 1.0
         x, y = (
-            min(max(p + s.time_step * share * v, 0.0), side) for p, v, side in zip(place, velocity, s.room, strict=True)
+            min(max(p + s.time_step * share * v, 0.0), side)
+            for p, v, side in zip(place, velocity, s.arena, strict=True)
         )
         return x, y
 
     def fade(self, drone: int, place: Pair) -> float:
-        """What is left of cost bumps near the drone's door."""
-        door = self.settings.drones[drone].door
-        return 1 - math.exp(-(math.dist(place, door.centre) ** 2) / (2 * door.radius**2))
+        """What is left of cost bumps near the drone's goal."""
+        goal = self.settings.drones[drone].goal_region
+        return 1 - math.exp(-(math.dist(place, goal.centre) ** 2) / (2 * goal.radius**2))
 
     def nodes(self, spacing: float) -> list[Pair]:
-        """Middles of bumps, and nodes of lattices: columns from left to right, each from below."""
+        """Centres of RBFs, and nodes of lattices: columns from left to right, each from below."""
         xs, ys = (
             [side * k / n for k in range(n + 1)]
-            for side, n in ((side, math.ceil(side / spacing - 1e-9)) for side in self.settings.room)
+            for side, n in ((side, math.ceil(side / spacing - 1e-9)) for side in self.settings.arena)
         )
         return [(x, y) for x in xs for y in ys]
 
     def place_costs(self, drone: int, place: Pair) -> list[float]:
-        """Cost bumps of one drone."""
+        """Cost RBFs of one drone."""
         f, fade = self.settings.features, self.fade(drone, place)
-        return [bump(math.dist(place, node), f.cost_width) * fade for node in self.nodes(f.cost_spacing)]
+        return [rbf(math.dist(place, node), f.cost_width) * fade for node in self.nodes(f.cost_spacing)]
 
     def distance_costs(self, distance: float) -> list[float]:
-        """Cost bumps of one pair."""
+        """Cost RBFs of one pair."""
         f = self.settings.features
-        return [f.distance_scale * bump(distance, width) for width in f.distance_widths]
+        return [f.distance_scale * rbf(distance, width) for width in f.distance_widths]
 
     def effort(self, action: Pair, longest: float) -> float:
         """Cost of one drone's action."""
         return self.settings.features.effort_scale * (math.hypot(*action) / longest) ** 2
 
     def place_rewards(self, place: Pair) -> list[float]:
-        """Reward bumps of one drone."""
+        """Reward RBFs of one drone."""
         f = self.settings.features
-        return [bump(math.dist(place, node), f.reward_width) for node in self.nodes(f.reward_spacing)]
+        return [rbf(math.dist(place, node), f.reward_width) for node in self.nodes(f.reward_spacing)]
 
 
-def bump(distance: float, width: float) -> float:
+def rbf(distance: float, width: float) -> float:
     """exp(-d^2 / 2 width^2)."""
     return math.exp(-(distance**2) / (2 * width**2))
 
 
-FLIGHTS: dict[str, Any] = {
-    "name": "flights",
-    "game": {**ROOM, "drones": ROOM["drones"][:2], "horizon": 6},
+DRONE_EXPERIMENT: dict[str, Any] = {
+    "name": "drones",
+    "game": {**ARENA, "drones": ARENA["drones"][:2], "horizon": 6},
     "algorithm": {
         "steps": {"alpha": 2.0, "beta": 1.0},
         "rollouts": 6,
@@ -164,18 +165,18 @@ FLIGHTS: dict[str, Any] = {
 """An experiment with two drones."""
 
 
-def flight_settings(changes: dict[str, Any] | None = None) -> dict[str, Any]:
-    """``FLIGHTS`` with some settings replaced, named by dotted path."""
-    return changed(changes or {}, FLIGHTS)
+def drone_settings(changes: dict[str, Any] | None = None) -> dict[str, Any]:
+    """``DRONE_EXPERIMENT`` with some settings replaced, named by dotted path."""
+    return changed(changes or {}, DRONE_EXPERIMENT)
 
 
-def flight_experiment(changes: dict[str, Any] | None = None) -> Experiment:
+def drone_experiment(changes: dict[str, Any] | None = None) -> Experiment:
     """The experiment of it."""
-    return Experiment.model_validate(flight_settings(changes))
+    return Experiment.model_validate(drone_settings(changes))
 
 
-def flights(of: Experiment, seed: int = 0) -> dict[str, list[Trajectories]]:
-    """A stream per learner, of drones that hurry to their doors."""
+def drone_streams(of: Experiment, seed: int = 0) -> dict[str, list[Trajectories]]:
+    """A stream per learner, of drones that hurry to their goal regions."""
     game, rng = drone_game(of), np.random.default_rng(seed)
     planner = LatticePlanner(game, TrueDroneReward(game), spacing=0.4, temperature=0.1)
     policy = planner.plan(np.zeros(0), np.zeros(len(game.cost_features.names)))

@@ -24,10 +24,10 @@ from mabirds_core.games.drones.pictures import (
     Learned,
     colour_of,
     cost_field,
+    draw_arena,
     draw_costs,
     draw_distance_costs,
-    draw_flights,
-    draw_room,
+    draw_trajectories,
 )
 from mabirds_core.games.drones.study import drone_game
 
@@ -59,28 +59,28 @@ def circles(axis: Axes) -> set[tuple[float, float, float]]:
     }
 
 
-def test_a_room_shows_pillars_what_they_keep_off_doors_and_starts(game: DroneGame, axis: Axes) -> None:
-    draw_room(axis, game)
+def test_an_arena_shows_obstacles_what_they_keep_off_goal_regions_and_starts(game: DroneGame, axis: Axes) -> None:
+    draw_arena(axis, game)
     assert circles(axis) == {(1.5, 1.5, 0.3), (1.5, 1.5, 0.42), (2.6, 2.6, 0.3), (0.4, 2.6, 0.3)}
     squares = [one for one in axis.patches if isinstance(one, Rectangle)]
     assert [one.get_xy() for one in squares] == [pytest.approx((0.3, 0.3)), pytest.approx((2.5, 0.3))]
     assert (axis.get_xlim(), axis.get_ylim()) == ((0, 3), (0, 3))
 
 
-def test_a_room_of_one_drone_leaves_the_others_out(game: DroneGame, axis: Axes) -> None:
-    draw_room(axis, game, [1])
+def test_an_arena_of_one_drone_leaves_the_others_out(game: DroneGame, axis: Axes) -> None:
+    draw_arena(axis, game, [1])
     assert circles(axis) == {(1.5, 1.5, 0.3), (1.5, 1.5, 0.42), (0.4, 2.6, 0.3)}
 
 
-def test_flights_are_lines_in_the_drones_colours(axis: Axes) -> None:
+def test_rollouts_are_lines_in_the_drones_colours(axis: Axes) -> None:
     places = np.random.default_rng(0).random((3, 5, 2, 2))
-    draw_flights(axis, places, [1])
+    draw_trajectories(axis, places, [1])
     assert [line.get_color() for line in axis.lines] == [colour_of(1)] * 3
     np.testing.assert_array_equal(np.column_stack(axis.lines[2].get_data()), places[2, :, 1])
 
 
 def test_a_field_is_drawn_where_it_is(game: DroneGame) -> None:
-    nodes = game.cost_features.lattice.nodes
+    nodes = game.cost_features.grid.nodes
     omega = np.zeros(len(game.cost_features.names))
     chosen = int(np.flatnonzero((nodes[:, 0] > 2) & (nodes[:, 1] < 1))[0])  # right, below
     omega[len(nodes) + chosen] = -5.0
@@ -103,9 +103,9 @@ def test_costs_have_a_panel_a_learner_and_drone_and_one_scale(game: DroneGame) -
     assert low == min(axis.images[0].get_array().min() for axis in panels)
     assert high == max(axis.images[0].get_array().max() for axis in panels)
     assert all(len(axis.lines) == 4 for axis in panels)
-    first, other_door = circles(panels[0]), (0.4, 2.6, 0.3)
+    first, other_goal = circles(panels[0]), (0.4, 2.6, 0.3)
     assert (2.6, 2.6, 0.3) in first
-    assert other_door not in first
+    assert other_goal not in first
     plt.close(figure)
 
 

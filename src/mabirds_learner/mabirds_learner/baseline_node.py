@@ -13,7 +13,7 @@ from mabirds_msgs.msg import Demonstration
 
 from mabirds_core.errors import RefusedMessageError
 from mabirds_core.experiment.assembly import build_game, build_method
-from mabirds_learner.central_session import CentralSession
+from mabirds_learner.baseline_session import BaselineSession
 from mabirds_learner.progress_node import ProgressNode
 from mabirds_msgs_py import topics
 from mabirds_msgs_py.conversion import read_demonstration
@@ -25,17 +25,17 @@ PARAMETER_HISTORY = 256
 """Iterations of parameters that a late joiner still gets."""
 
 
-class CentralNode(ProgressNode):
+class BaselineNode(ProgressNode):
     """The method of its namespace's name on an experiment. Raises MabirdsError for a wrong experiment or name."""
 
-    session: CentralSession
+    session: BaselineSession
 
     def __init__(self, **node_options: Any) -> None:
-        super().__init__("central", **node_options)
+        super().__init__("baseline", **node_options)
         experiment, history = self.experiment, self.get_param("demonstration_history")
         game = build_game(experiment)
         method = build_method(experiment, self.learner_name, game)
-        self.session = CentralSession(method, experiment.learners, experiment.iterations, history)
+        self.session = BaselineSession(method, experiment.learners, experiment.iterations, history)
         self.start(game, PARAMETER_HISTORY)
         for learner in experiment.learners:
             topic = f"{self.namespace_prefix}{learner}/{topics.DEMONSTRATION}"
@@ -55,9 +55,9 @@ HELP = """Run a central method on the demonstrations of all learners.
 
 Its namespace says which: bics, ftl, dlm, me_greedy or me_gradient.
 
-usage: mabirds-central --ros-args -r __ns:=/METHOD -p experiment:=FILE [-p PARAMETER:=VALUE ...]
+usage: mabirds-baseline --ros-args -r __ns:=/METHOD -p experiment:=FILE [-p PARAMETER:=VALUE ...]
 
-example: mabirds-central --ros-args -r __ns:=/bics -p experiment:=ros_ws/config/patrol.yaml
+example: mabirds-baseline --ros-args -r __ns:=/bics -p experiment:=ros_ws/config/patrol.yaml
 
 parameters:
   experiment              path of the experiment file (YAML)
@@ -65,14 +65,14 @@ parameters:
   run                     name of this run; messages of other runs are refused ("")
   status_period           seconds between status messages while nothing changes (1.0)
 
-The player must be told to wait for it: -p central:=METHOD.
+The player must be told to wait for it: -p baseline:=METHOD.
 It ends on SIGINT or SIGTERM. Exit codes: 0 ended as asked, 2 wrong experiment, method or parameter."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Entry point of ``mabirds-central``."""
+    """Entry point of ``mabirds-baseline``."""
     prepare_environment()
-    return run_node(CentralNode, HELP, arguments)
+    return run_node(BaselineNode, HELP, arguments)
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ from mabirds_bringup.watch.monitor import MonitorNode
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.file import load_experiment
-from mabirds_learner.central_node import CentralNode
+from mabirds_learner.baseline_node import BaselineNode
 from mabirds_msgs_py.bag_writer import BagWriter
 
 
@@ -23,7 +23,7 @@ def bits(parameters: list[Parameters]) -> list[tuple[bytes, bytes]]:
 
 
 @pytest.mark.parametrize("method", ["bics", "ftl", "dlm", "me_greedy", "me_gradient"])
-def test_a_central_node_equals_the_reference(
+def test_a_baseline_node_equals_the_reference(
     make_experiment: Callable[..., Path], nodes: Any, context: Context, tmp_path: Path, method: str
 ) -> None:
     file = make_experiment(learners=3, iterations=6)
@@ -31,11 +31,11 @@ def test_a_central_node_equals_the_reference(
     with BagWriter(tmp_path / "recording") as recording:
         monitor = nodes.add(MonitorNode(experiment, recording, names=[method], context=context))
         overrides = [Parameter("experiment", value=str(file))]
-        node = nodes.add(CentralNode(context=context, namespace=f"/{method}", parameter_overrides=overrides))
-        player = nodes.player(file, hz=50.0, central=method)
+        node = nodes.add(BaselineNode(context=context, namespace=f"/{method}", parameter_overrides=overrides))
+        player = nodes.player(file, hz=50.0, baseline=method)
         nodes.spin_until(lambda: monitor.finished and player.done)
     assert bits(monitor.history()[method]) == bits(simulate_from_bag(experiment, method)[method])
-    topics = {name for name, _ in node.get_subscriber_names_and_types_by_node("central", f"/{method}")}
+    topics = {name for name, _ in node.get_subscriber_names_and_types_by_node("baseline", f"/{method}")}
     assert {f"/{learner}/demonstration" for learner in experiment.learners} <= topics
     status = monitor.statuses[method]
     assert dict(zip(status.metric_names, status.metric_values, strict=True))["policy_solves"] >= 6
@@ -52,4 +52,4 @@ def test_a_central_method_as_a_process(make_experiment: Callable[..., Path], tmp
 def test_a_namespace_that_is_no_method_is_refused(make_experiment: Callable[..., Path], context: Context) -> None:
     overrides = [Parameter("experiment", value=str(make_experiment()))]
     with pytest.raises(ExperimentError, match="'genie' is none of the methods"):
-        CentralNode(context=context, namespace="/genie", parameter_overrides=overrides)
+        BaselineNode(context=context, namespace="/genie", parameter_overrides=overrides)

@@ -9,7 +9,7 @@ from mabirds_learner.inbox import check_iteration
 from mabirds_learner.progress import SessionState
 
 
-class CentralSession(SessionState):
+class BaselineSession(SessionState):
     """One method's side. ``streams``: names of the learners whose demonstrations it pools. ``iterations``: updates.
 
     ``history``: how many iterations ahead demonstrations are kept.
