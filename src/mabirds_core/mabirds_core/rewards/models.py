@@ -130,6 +130,10 @@ class LinearReward(LinearModel):
 
     features: TabularFeatureMap
 
+    def weights(self, theta: Vector) -> Vector:
+        """theta itself, shape (K,)."""
+        return theta
+
     def table(self, theta: Vector) -> Array:
         """theta^T f(s, a), shape (S, A)."""
         return self.features.table(theta)

@@ -11,13 +11,16 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Array, Indices, Mask, Vector, weighted_counts
 from mabirds_core.digest import trajectory_digest
 from mabirds_core.errors import ImpossibleTrajectoryError
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.games.patrol.features import PatrolCostFeatures, PatrolRewardFeatures
 from mabirds_core.games.patrol.geometry import MOVE_NAMES, N_MOVES, PatrolGrid
+from mabirds_core.games.patrol.neutral import ExpertMoves
 from mabirds_core.games.patrol.settings import PatrolSettings
+from mabirds_core.games.tabular.constraint_test import Shown
 from mabirds_core.games.tabular.decoding import whole_numbers
 from mabirds_core.games.tabular.game import EnumerableGame
 
@@ -110,6 +113,28 @@ class PatrolGame(EnumerableGame):
         states = self.joint_state(np.array(starts).T)
         weights = self.settings.start_probabilities or [1 / len(starts)] * len(starts)
         return weighted_counts(states, np.asarray(weights) / sum(weights), self.n_states)
+
+    def neutral_change(self, rewards: Vector, omega: Vector, shown: Shown, feature: int) -> Parameters | None:
+        """A cell that ordinary moves lead into and out of (``neutral``); sharing and swapping that cost nothing."""
+        costs, n = np.zeros_like(omega), self.n_cells
+        expert, cell = divmod(feature, n)
+        if expert == self.n_experts:  # sharing or swapping, which no reward feature speaks of
+            costs[feature] = -omega[feature]
+            return Parameters(np.zeros_like(rewards), costs)
+        by_expert = rewards.reshape(self.n_experts, n, N_MOVES)
+        moves = ExpertMoves(
+            self.expert_successor[expert],
+            int(self.goals[expert]),
+            by_expert[expert] + omega[expert * n : (expert + 1) * n, None],
+            shown.reward.reshape(by_expert.shape)[expert],
+            self.discount,
+        )
+        change = moves.neutral_change(cell)
+        if change is None:
+            return None
+        changes = np.zeros_like(by_expert)
+        changes[expert] = change
+        return Parameters(changes.ravel(), costs)
 
     def encode(self, trajectory: Trajectories) -> tuple[Array, Array]:
         """States as row and column of each expert (T + 1, 2 N_E), actions as each expert's move (T + 1, N_E)."""

@@ -1,0 +1,84 @@
+"""What a cell would be worth to a patroller if it were like the cells that were shown.
+
+A potential moves reward from one place to another and changes no policy of an endless game (Ng, Harada and Russell,
+1999), so that the learned weights of single cells say little. What they say beyond a potential is taken from the moves
+that were demonstrated: with r(c, a) the learned reward of move a in cell c, which leads to c', least squares over
+
+    r(c, a) + gamma Phi(c') - Phi(c) = rho,        Phi(goal) = 0,
+
+weighed by how often each move was shown, find the potential Phi of every cell and the reward rho of an ordinary move.
+A neutral cell is one that ordinary moves lead into and out of: r(c, a) = rho + Phi(c) - gamma Phi(c').
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mabirds_core.arrays import Array, Indices, Mask, Vector
+from mabirds_core.games.patrol.geometry import N_MOVES
+
+
+@dataclass(frozen=True)
+class ExpertMoves:
+    """One expert's moves: what they are worth as learned, and how often they were shown.
+
+    Attributes
+    ----------
+    successor : Indices
+        The cell after each move, shape (n, 4).
+    goal : int
+        The cell where the expert stays.
+    rewards : Array
+        r(c, a), shape (n, 4).
+    shown : Array
+        How often each move was shown, discounted, shape (n, 4).
+    discount : float
+        gamma.
+    """
+
+    successor: Indices
+    goal: int
+    rewards: Array
+    shown: Array
+    discount: float
+
+    @property
+    def visited(self) -> Mask:
+        """Cells where the expert was, shape (n,)."""
+        return np.asarray(self.shown.sum(axis=1) > 0)
+
+    def neighbours(self, cell: int) -> list[tuple[int, int]]:
+        """Moves (c, a) that lead into ``cell`` from visited cells other than the goal."""
+        into = (self.successor == cell) & self.visited[:, None]
+        into[[cell, self.goal]] = False
+        return [(int(c), int(a)) for c, a in np.argwhere(into)]
+
+    def ordinary(self) -> tuple[Vector, float]:
+        """Phi, shape (n,), and rho; of smallest norm where the moves shown leave a choice."""
+        shown = self.shown.copy()
+        shown[self.goal] = 0.0
+        cells, moves = np.nonzero(shown)
+        rows, n = np.arange(len(cells)), len(shown)
+        system = np.zeros((len(cells), n + 1))
+        np.add.at(system, (rows, cells), 1.0)
+        np.add.at(system, (rows, self.successor[cells, moves]), -self.discount)
+        system[:, self.goal], system[:, n] = 0.0, 1.0
+        weight = np.sqrt(shown[cells, moves])
+        solution = np.linalg.lstsq(system * weight[:, None], self.rewards[cells, moves] * weight, rcond=1e-10)[0]
+        return solution[:n], float(solution[n])
+
+    def neutral_change(self, cell: int) -> Array | None:
+        """What makes ``cell`` neutral, added to r(c, a), shape (n, 4); None where no shown way passes beside it."""
+        neighbours = self.neighbours(cell)
+        if not neighbours:
+            return None
+        potential, rho = self.ordinary()
+        potential[cell] = np.mean([potential[c] for c, _ in neighbours])
+        visited = self.visited
+        visited[cell] = True
+        outward = [(cell, a) for a in range(N_MOVES) if visited[self.successor[cell, a]]]
+        change = np.zeros_like(self.rewards)
+        for c, a in [*neighbours, *outward]:
+            worth = rho + potential[c] - self.discount * potential[self.successor[c, a]]
+            change[c, a] = worth - self.rewards[c, a]
+        return change

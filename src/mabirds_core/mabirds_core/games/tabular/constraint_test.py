@@ -1,0 +1,142 @@
+"""Which cost features are constraints, with what confidence: a counterfactual test.
+
+A feature that some demonstration had is no constraint. Of any other feature k the question is whether the
+demonstrations would have had it if it were as good as what they show:
+
+    p_k = P(a trajectory has feature k | the learned reward with k made neutral)
+    confidence = 1 - (1 - p_k)^N              for N demonstrations that never had it
+
+It is a constraint at confidence q where the confidence is at least q. Else it is undetermined: so few ways would have
+led there anyway that N demonstrations cannot tell. What neutral means is the game's to say (``neutral_change``).
+p_k is a matter of policies alone: parameters that mean the same policies give the same p_k, which -omega does not.
+"""
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from mabirds_core.algorithm.parameters import Parameters
+from mabirds_core.arrays import Array, Mask, Vector, weighted_counts
+from mabirds_core.games.interface import TabularGame
+from mabirds_core.rewards.models import TabularRewardModel
+
+USED = -1.0
+"""Confidence of a feature that a demonstration had: it is no constraint."""
+
+
+class Shown(NamedTuple):
+    """What demonstrations have shown.
+
+    Attributes
+    ----------
+    demonstrations : int
+        N.
+    reward, cost : Vector
+        Discounted counts of the reward features, shape (K_f,), and of the cost features, shape (K,).
+    """
+
+    demonstrations: int
+    reward: Vector
+    cost: Vector
+
+
+class NeutralGame(TabularGame, Protocol):
+    """A tabular game that can make a cost feature neutral."""
+
+    def neutral_change(self, rewards: Vector, omega: Vector, shown: Shown, feature: int) -> Parameters | None:
+        """What makes cost feature ``feature`` neutral.
+
+        Parameters
+        ----------
+        rewards : Vector
+            Weights of the reward features, shape (K_f,).
+        omega : Vector
+            Cost weights, shape (K,).
+        shown : Shown
+            What was demonstrated.
+        feature : int
+            k.
+
+        Returns
+        -------
+        Parameters or None
+            Changes of the reward features' weights and of omega; None where no demonstration came near the feature,
+            so that nothing can be said of it.
+        """
+        ...
+
+
+def constraint_confidences(
+    game: NeutralGame, reward: TabularRewardModel, parameters: Parameters, shown: Shown
+) -> Vector:
+    """Confidence that each cost feature is a constraint.
+
+    Parameters
+    ----------
+    game : NeutralGame
+        The game.
+    reward : TabularRewardModel
+        r_theta.
+    parameters : Parameters
+        theta and omega as learned.
+    shown : Shown
+        Demonstrations, at least one.
+
+    Returns
+    -------
+    Vector
+        Shape (K,): in [0, 1], or USED.
+    """
+    table = reward.table(parameters.theta) + game.cost_features.table(parameters.omega)
+    weights = reward.weights(parameters.theta) if hasattr(reward, "weights") else np.zeros(len(shown.reward))
+    confidences = np.full(len(shown.cost), USED)
+    for feature in np.flatnonzero(shown.cost <= 0):
+        change = game.neutral_change(weights, parameters.omega, shown, int(feature))
+        chance = 0.0 if change is None else _chance(game, table, change, int(feature))
+        confidences[feature] = 1 - (1 - chance) ** shown.demonstrations
+    return confidences
+
+
+def _chance(game: NeutralGame, table: Array, change: Parameters, feature: int) -> float:
+    """p_k."""
+    neutral = table + game.reward_features.table(change.theta) + game.cost_features.table(change.omega)
+    unit = np.zeros(len(game.cost_features.names))
+    unit[feature] = 1.0
+    return touch_probability(game, neutral, game.cost_features.table(unit) > 0)
+
+
+def touch_probability(game: TabularGame, reward: Array, touched: Mask) -> float:
+    """Probability that a trajectory of the soft Bellman policy of ``reward`` has one of the pairs ``touched``.
+
+    Parameters
+    ----------
+    game : TabularGame
+        Trajectories begin in P_0.
+    reward : Array
+        Reward table, shape (S, A).
+    touched : Mask
+        Pairs, shape (S, A).
+
+    Returns
+    -------
+    float
+        In [0, 1]. The backward pass is that of ``soft_bellman`` with exp of the reward taken once: with
+        Y_t(s) = exp(gamma (V_t(s) - max V_t)), pi_t(a|s) is proportional to exp(r(s, a)) Y_{t+1}(s'). Probabilities
+        below exp(-700) become 0.
+    """
+    factors = np.exp(reward - reward.max())
+    steps = game.horizon + 1
+    onward = np.ones((steps + 1, game.n_states))
+    mass = np.empty((steps, game.n_states))
+    for step in reversed(range(steps)):
+        mass[step] = (factors * onward[step + 1][game.successor]).sum(axis=1)
+        with np.errstate(divide="ignore"):
+            values = np.log(mass[step])
+        onward[step] = np.exp(game.discount * (values - values.max()))
+    untouched, clean = np.where(touched, 0.0, factors), game.initial_distribution
+    for step in range(steps):
+        states = np.flatnonzero(clean)
+        share = clean[states] / np.maximum(mass[step][states], np.finfo(np.float64).tiny)
+        pairs = share[:, None] * untouched[states] * onward[step + 1][game.successor[states]]
+        clean = weighted_counts(game.successor[states], pairs, game.n_states)
+    return min(1.0, max(0.0, 1.0 - float(clean.sum())))
