@@ -44,14 +44,23 @@ def progress_bar() -> Progress:
 
 def summary_table(summary: dict[str, Any]) -> Table:
     """The summary of a run for the terminal."""
-    table = Table(
-        title=f"{summary['experiment']}: learned constraints are those with -omega > "
-        f"{summary['constraint_threshold']:g}"
-    )
-    for column in ("learner", "iterations", "CVR", "SR", "FPR", "FNR", "learned constraints"):
+    experts = summary["expert_log_likelihood"]
+    title = f"{summary['experiment']}: constraints by {summary['constraint_rule']}"
+    table = Table(title=title if experts is None else f"{title}; the experts' own likelihood {experts:.2f} nats")
+    for column in ("learner", "iterations", "CVR", "SR", "late SR", "nats", "constraints", "FDR", "undetermined"):
         table.add_column(column, justify="left" if column == "learner" else "right")
     for name, row in summary["learners"].items():
-        rates = (row[key] for key in ("violation_rate", "success_rate", "false_positive_rate", "false_negative_rate"))
-        cells = [f"{rate:.4f}" for rate in rates]
-        table.add_row(name, str(row["iterations"]), *cells, str(len(row["learned_constraints"])))
+        table.add_row(
+            name,
+            str(row["iterations"]),
+            *(f"{row[key]:.4f}" for key in ("violation_rate", "success_rate", "success_late_minimum")),
+            _number(row["held_out_log_likelihood"], ".2f"),
+            str(len(row["learned_constraints"])),
+            f"{row['false_discovery_rate']:.3f}",
+            _number(row["undetermined"], "d"),
+        )
     return table
+
+
+def _number(value: float | None, form: str) -> str:
+    return "" if value is None else format(value, form)

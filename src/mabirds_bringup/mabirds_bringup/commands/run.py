@@ -9,6 +9,7 @@ import typer
 from rich.live import Live
 
 from mabirds_bringup.commands.options import CentralMethodName, ExperimentFile, Json, RunsDirectory
+from mabirds_bringup.commands.simulate import demonstrations_of
 from mabirds_bringup.console import console, guarded_output, print_json
 from mabirds_bringup.evaluate.results import audit, write_results
 from mabirds_bringup.run import run_directory
@@ -65,7 +66,10 @@ def run(  # noqa: PLR0913, PLR0917 - the options of a command
         delivered = None if method else audit(experiment.edge_schedule, result.delivered, rounds)
         if delivered and result.mass_residual is not None:
             delivered |= {"late": len(delivered.pop("edge_mismatches")), "mass_residual": result.mass_residual}
-        content = write_results(experiment, result.history, directory, time.monotonic() - start, delivered)
+        seconds = time.monotonic() - start
+        content = write_results(
+            experiment, result.history, demonstrations_of(experiment), directory, seconds, delivered
+        )
         if as_json:
             print_json(content, stdout)
 

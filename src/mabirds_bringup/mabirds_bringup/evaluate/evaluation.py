@@ -1,93 +1,169 @@
 """From the learners' parameters to numbers: what each policy would do, and what it took for a constraint."""
 
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from mabirds_core.algorithm.memory import stacked
 from mabirds_core.algorithm.parameters import Parameters
-from mabirds_core.experiment.assembly import build_game, evaluation_policy
+from mabirds_core.arrays import Mask, Vector
+from mabirds_core.experiment.assembly import build_game, evaluation_policy, reward_of
 from mabirds_core.experiment.file import Experiment
-from mabirds_core.experiment.simulate import History
-from mabirds_core.metrics.metrics import consensus_distance, constraint_errors, learned_constraints
+from mabirds_core.experiment.simulate import History, Streams
+from mabirds_core.games.interface import Game, Trajectories
+from mabirds_core.metrics.constraints import ConstraintErrors, by_threshold, constraint_errors, ranking_auc
+from mabirds_core.metrics.curves import late_mean, late_minimum, stays_from
+from mabirds_core.metrics.metrics import consensus_distance
+
+HELD_OUT = 200
+"""Demonstrations that experts draw anew, on which likelihoods are taken."""
+
+LEVEL = 0.9
+"""Success rate from which on the time is told."""
 
 
 @dataclass(frozen=True)
 class LearnerMetrics:
-    """One learner at one iteration; rates in [0, 1]."""
+    """One learner at one iteration; rates in [0, 1], the likelihood in nats per held-out demonstration."""
 
     learner: str
     iteration: int
     violation_rate: float
     success_rate: float
-    false_positive_rate: float
-    false_negative_rate: float
+    held_out_log_likelihood: float | None
+
+
+class Constraints(NamedTuple):
+    """What a learner or method took for constraints.
+
+    Attributes
+    ----------
+    learned : Mask
+        Shape (K,).
+    confidences : Vector or None
+        Of the counterfactual test, -1 for what was demonstrated; None where the threshold decided.
+    errors : ConstraintErrors
+        Against the true ones.
+    auc : float or None
+        Of the ranking by confidence, or by -omega.
+    """
+
+    learned: Mask
+    confidences: Vector | None
+    errors: ConstraintErrors
+    auc: float | None
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Rows by learner and iteration, and the consensus distances by iteration."""
+    """Rows by learner and iteration, what was learned in the end, and the consensus distances by iteration."""
 
     rows: list[LearnerMetrics]
     consensus_theta: list[float]
     consensus_omega: list[float]
     consensus_policy: float
-    learned: dict[str, list[str]]
-
-    def final(self, learner: str) -> LearnerMetrics:
-        """The newest row of a learner."""
-        return [row for row in self.rows if row.learner == learner][-1]
+    constraints: dict[str, Constraints]
+    expert_log_likelihood: float | None
+    occupancy_distance: dict[str, float | None]
 
     def of(self, learner: str) -> list[LearnerMetrics]:
         """A learner's rows in order."""
         return [row for row in self.rows if row.learner == learner]
 
 
-def evaluate(experiment: Experiment, history: History, on_row: Callable[[], None] = lambda: None) -> Evaluation:
-    """Judge theta(n), omega(n) of all learners by the game's judge; ``on_row`` is called after each."""
+def evaluate(
+    experiment: Experiment, history: History, demonstrations: Streams, on_row: Callable[[], None] = lambda: None
+) -> Evaluation:
+    """Judge theta(n), omega(n) of all learners by the game's judge.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        What was learned.
+    history : History
+        theta and omega of each learner or method.
+    demonstrations : Streams
+        Each learner's, from which it learned.
+    on_row : Callable
+        Called after each iteration that was judged.
+
+    Returns
+    -------
+    Evaluation
+        Exact or sampled, as the game's judge says.
+    """
     game = build_game(experiment)
+    drawn = experiment.demonstrations
+    experts = game.experts(drawn.experts, drawn.side) if game.expert_kinds else None
+    demonstrated = None if experts is None else experts.policy
+    held_out = None
+    if experts is not None and demonstrated is not None:
+        held_out = stacked([*experts.demonstrations(HELD_OUT, _held_out_rng(experiment))])
     rows = []
     for name, parameters in history.items():
         policy = evaluation_policy(experiment, name, game)
         for iteration in game.judge.eval_iterations(len(parameters)):
-            current = parameters[iteration - 1]
-            imitation = game.judge.imitation(policy(current), experiment.seed)
-            errors = constraint_errors(current.omega, game.true_constraints, experiment.constraint_threshold)
-            rows.append(LearnerMetrics(name, iteration, *imitation, *errors))
+            planned = policy(parameters[iteration - 1])
+            imitation = game.judge.imitation(planned, experiment.seed)
+            rows.append(LearnerMetrics(name, iteration, *imitation, _mean_likelihood(game, planned, held_out)))
             on_row()
     together = list(zip(*history.values(), strict=False))
     final = {name: parameters[-1] for name, parameters in history.items()}
-    policies = [evaluation_policy(experiment, name, game)(last) for name, last in final.items()]
+    policies = {name: evaluation_policy(experiment, name, game)(last) for name, last in final.items()}
     return Evaluation(
         rows,
         [consensus_distance([learner.theta for learner in learners]) for learners in together],
         [consensus_distance([learner.omega for learner in learners]) for learners in together],
-        game.judge.distance(policies, experiment.seed),
-        {name: _learned_names(experiment, game.cost_features.names, last) for name, last in final.items()},
+        game.judge.distance([*policies.values()], experiment.seed),
+        {name: learned_constraints(experiment, name, last, demonstrations, game) for name, last in final.items()},
+        None if demonstrated is None else _mean_likelihood(game, demonstrated, held_out),
+        {
+            name: None if demonstrated is None else game.judge.distance([policy, demonstrated], experiment.seed)
+            for name, policy in policies.items()
+        },
     )
 
 
-def _learned_names(experiment: Experiment, names: tuple[str, ...], parameters: Parameters) -> list[str]:
-    learned = learned_constraints(parameters.omega, experiment.constraint_threshold)
-    return [names[k] for k in np.flatnonzero(learned)]
+def _held_out_rng(experiment: Experiment) -> np.random.Generator:
+    """Of demonstrations that no recording with this seed has."""
+    return np.random.default_rng([experiment.demonstrations.seed, HELD_OUT, experiment.seed])
+
+
+def _mean_likelihood(game: Game, policy: Any, held_out: Trajectories | None) -> float | None:
+    nats = None if held_out is None else game.judge.log_likelihoods(policy, held_out)
+    return None if nats is None else float(nats.mean())
+
+
+def learned_constraints(
+    experiment: Experiment, name: str, parameters: Parameters, demonstrations: Streams, game: Game
+) -> Constraints:
+    """What ``name`` takes for constraints, by the game's test where it has one, and else by the threshold."""
+    streams = [demonstrations[learner] for learner in ([name] if name in demonstrations else demonstrations)]
+    shown = stacked([demonstration for stream in streams for demonstration in stream[: experiment.iterations]])
+    reward = reward_of(experiment, name, game)
+    confidences = None if reward is None else game.judge.constraint_confidences(reward, parameters, shown)
+    if confidences is None:
+        learned, scores = by_threshold(parameters.omega, experiment.constraint_threshold), -parameters.omega
+    else:
+        learned, scores = confidences >= experiment.constraint_confidence, confidences
+    truth = game.true_constraints
+    return Constraints(learned, confidences, constraint_errors(learned, truth), ranking_auc(scores, truth))
 
 
 def summary(experiment: Experiment, evaluation: Evaluation, seconds: float) -> dict[str, Any]:
     """What summary.json holds. ``seconds``: wall time of the run."""
-    learners = {}
-    for name in evaluation.learned:
-        final = asdict(evaluation.final(name))
-        learners[name] = {
-            "iterations": min(final.pop("iteration") - 1, experiment.iterations),
-            **{key: value for key, value in final.items() if key != "learner"},
-            "learned_constraints": evaluation.learned[name],
-        }
+    game = build_game(experiment)
     return {
         "experiment": experiment.name,
-        "constraint_threshold": experiment.constraint_threshold,
-        "rates": build_game(experiment).judge.method,
-        "learners": learners,
+        "constraint_rule": constraint_rule(experiment, evaluation),
+        "rates": game.judge.method,
+        "expert_log_likelihood": evaluation.expert_log_likelihood,
+        "learners": {
+            name: _learner_summary(experiment, evaluation, name, game.cost_features.names)
+            for name in evaluation.constraints
+        },
         "consensus_distance": {
             "theta": evaluation.consensus_theta[-1],
             "omega": evaluation.consensus_omega[-1],
@@ -95,3 +171,47 @@ def summary(experiment: Experiment, evaluation: Evaluation, seconds: float) -> d
         },
         "wall_seconds": seconds,
     }
+
+
+def constraint_rule(experiment: Experiment, evaluation: Evaluation) -> str:
+    """How constraints are told, for people."""
+    if any(constraints.confidences is not None for constraints in evaluation.constraints.values()):
+        return f"counterfactual test at confidence {experiment.constraint_confidence:g}"
+    return f"learned cost -omega > {experiment.constraint_threshold:g}"
+
+
+def _learner_summary(
+    experiment: Experiment, evaluation: Evaluation, name: str, features: Sequence[str]
+) -> Mapping[str, Any]:
+    rows, constraints = evaluation.of(name), evaluation.constraints[name]
+    success, settled = [row.success_rate for row in rows], stays_from([row.success_rate for row in rows], LEVEL)
+    return {
+        "iterations": min(rows[-1].iteration - 1, experiment.iterations),
+        "violation_rate": rows[-1].violation_rate,
+        "success_rate": rows[-1].success_rate,
+        "success_late_mean": late_mean(success),
+        "success_late_minimum": late_minimum(success),
+        "success_stays_from_iteration": None if settled is None else rows[settled].iteration,
+        "held_out_log_likelihood": rows[-1].held_out_log_likelihood,
+        "occupancy_distance": evaluation.occupancy_distance[name],
+        **constraints.errors._asdict(),
+        "auc": constraints.auc,
+        "learned_constraints": _named(features, constraints),
+        "undetermined": _undetermined(constraints),
+    }
+
+
+def _named(features: Sequence[str], constraints: Constraints) -> dict[str, float | None]:
+    """Learned constraints by name, surest first, each with its confidence."""
+    of = np.flatnonzero(constraints.learned)
+    if constraints.confidences is None:
+        return {features[int(k)]: None for k in of}
+    surest = of[np.argsort(-constraints.confidences[of], kind="stable")]
+    return {features[int(k)]: float(constraints.confidences[k]) for k in surest}
+
+
+def _undetermined(constraints: Constraints) -> int | None:
+    """Features that were never shown, and that the demonstrations cannot tell of; None without a test."""
+    if constraints.confidences is None:
+        return None
+    return int(((constraints.confidences >= 0) & ~constraints.learned).sum())

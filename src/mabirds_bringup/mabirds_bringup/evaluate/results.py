@@ -12,7 +12,7 @@ from mabirds_core.consensus.schedule import DeliveredEdges, EdgeSchedule, delive
 from mabirds_core.errors import ScheduleError
 from mabirds_core.experiment.assembly import build_game
 from mabirds_core.experiment.file import Experiment
-from mabirds_core.experiment.simulate import History
+from mabirds_core.experiment.simulate import History, Streams
 
 
 def audit(schedule: EdgeSchedule, delivered: DeliveredEdges, iterations: int) -> dict[str, Any]:
@@ -33,13 +33,14 @@ def audit(schedule: EdgeSchedule, delivered: DeliveredEdges, iterations: int) ->
 def write_results(
     experiment: Experiment,
     history: History,
+    demonstrations: Streams,
     directory: Path,
     seconds: float,
     delivered: dict[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Evaluate ``history``, write metrics.csv, figures, report.html and summary.json; show and return the summary.
 
-    ``delivered``: the ``audit`` of a network's run.
+    ``demonstrations``: each learner's. ``delivered``: the ``audit`` of a network's run.
     """
     from mabirds_bringup.report.figures import save_figures  # matplotlib takes a second to load
 
@@ -47,7 +48,7 @@ def write_results(
     total = sum(len(judge.eval_iterations(len(parameters))) for parameters in history.values())
     with progress_bar() as bar:
         task = bar.add_task("evaluating", total=total)
-        evaluation = evaluate(experiment, history, lambda: bar.advance(task))
+        evaluation = evaluate(experiment, history, demonstrations, lambda: bar.advance(task))
     content = summary(experiment, evaluation, seconds)
     if delivered is not None:
         content["delivered_graph"] = delivered

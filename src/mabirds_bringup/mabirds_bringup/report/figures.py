@@ -19,7 +19,7 @@ DOTS_PER_INCH = 110
 
 def save_figures(experiment: Experiment, history: History, evaluation: Evaluation, directory: Path) -> list[str]:
     """Write map.png and curves.png; returns their names."""
-    learned, threshold = learned_by(experiment, history), experiment.constraint_threshold
+    learned, threshold = learned_by(experiment, history, evaluation), experiment.constraint_threshold
     picture = build_game(experiment).figure(learned, threshold, experiment.seed)
     figures = {"map.png": picture, "curves.png": curves_figure(evaluation)}
     for name, figure in figures.items():
@@ -28,11 +28,15 @@ def save_figures(experiment: Experiment, history: History, evaluation: Evaluatio
     return list(figures)
 
 
-def learned_by(experiment: Experiment, history: History) -> dict[str, Learned]:
+def learned_by(experiment: Experiment, history: History, evaluation: Evaluation) -> dict[str, Learned]:
     """What each learner or method of ``history`` ended with."""
     game = build_game(experiment)
     return {
-        name: Learned(evaluation_policy(experiment, name, game)(parameters[-1]), parameters[-1].omega)
+        name: Learned(
+            evaluation_policy(experiment, name, game)(parameters[-1]),
+            parameters[-1].omega,
+            evaluation.constraints[name].learned,
+        )
         for name, parameters in history.items()
     }
 
@@ -40,7 +44,7 @@ def learned_by(experiment: Experiment, history: History) -> dict[str, Learned]:
 def curves_figure(evaluation: Evaluation) -> Figure:
     """Success and violation rates, and the consensus distances, against iterations."""
     figure, (rates, distances) = plt.subplots(1, 2, figsize=(9, 3.2), layout="constrained")
-    for name in evaluation.learned:
+    for name in evaluation.constraints:
         rows = evaluation.of(name)
         iterations = [row.iteration - 1 for row in rows]
         line = rates.plot(iterations, [row.success_rate for row in rows], label=f"{name} SR")[0]

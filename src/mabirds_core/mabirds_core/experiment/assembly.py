@@ -96,6 +96,14 @@ def build_method(experiment: Experiment, name: str, game: Game | None = None) ->
     return method
 
 
+def reward_of(experiment: Experiment, name: str, game: Game) -> RewardModel | None:
+    """r_theta of a learner or method; None for a method that learns no parameters of a reward model."""
+    if name in experiment.learners:
+        return build_reward(experiment, game)
+    estimator = getattr(build_method(experiment, name, game), "estimator", None)
+    return None if estimator is None else estimator.reward
+
+
 def evaluation_policy(experiment: Experiment, name: str, game: Game) -> Callable[[Parameters], Policy]:
     """What the theta and omega of a learner or method mean, whichever way it finds policies itself.
 

@@ -172,6 +172,11 @@ class TabularGame(ConstrainedMarkovGame, Protocol):
 class Experts(Protocol):
     """Who demonstrates."""
 
+    @property
+    def policy(self) -> Any:
+        """The policy that they follow, where it is one that the game's judge can follow; else None."""
+        ...
+
     def demonstrations(self, count: int, rng: np.random.Generator) -> Iterator[Trajectories]:
         """``count`` demonstrations of one trajectory each.
 
@@ -211,12 +216,25 @@ class Judge(Protocol):
         """Largest total variation distance between what two of the policies do, in [0, 1]."""
         ...
 
+    def log_likelihoods(self, policy: Any, demonstrations: Trajectories) -> Vector | None:
+        """log p of each demonstration under a policy, in nats, shape (m,); None where the game cannot say."""
+        ...
+
+    def constraint_confidences(self, reward: Any, parameters: Any, demonstrations: Trajectories) -> Vector | None:
+        """Confidence that each cost feature is a constraint, shape (K,), -1 for those that were demonstrated.
+
+        ``reward``: r_theta; ``parameters``: theta and omega. None where the game has no such test, and constraints are
+        told by the threshold alone.
+        """
+        ...
+
 
 class Learned(NamedTuple):
-    """What a learner ended with: its policy, and omega, shape (K,)."""
+    """What a learner ended with: its policy, and which cost features are constraints, shape (K,)."""
 
     policy: Any
     omega: Vector
+    constraints: Mask
 
 
 class Game(ConstrainedMarkovGame, Protocol):

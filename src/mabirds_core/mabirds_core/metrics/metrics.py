@@ -1,28 +1,18 @@
-"""How well a learner imitates and what it takes for a constraint.
+"""How well a learner imitates, and how far learners are apart.
 
 - CVR, constraint violation rate: probability that a trajectory breaks a true constraint at some step.
 - SR, success rate: probability that no true constraint is broken and every expert is at its goal at step T.
-- FPR, FNR of the learned constraints {k : -omega_k > threshold}: the share of harmless cost features learned as
-  constraints, and the share of true constraints not learned.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from mabirds_core.algorithm.parameters import Parameters
-from mabirds_core.arrays import Mask, Vector, weighted_counts
+from mabirds_core.arrays import Vector, weighted_counts
 from mabirds_core.games.interface import ImitationMetrics, TabularGame, Trajectories
 from mabirds_core.planners.interface import TabularPolicy
 from mabirds_core.planners.occupancy import occupancy_measure
-
-
-class ConstraintErrors(NamedTuple):
-    """FPR and FNR, each in [0, 1]."""
-
-    false_positive_rate: float
-    false_negative_rate: float
 
 
 def exact_imitation(game: TabularGame, policy: TabularPolicy) -> ImitationMetrics:
@@ -42,20 +32,6 @@ def sampled_imitation(game: TabularGame, trajectories: Trajectories) -> Imitatio
     violated = game.violation[trajectories.states, trajectories.actions].any(axis=1)
     arrived = game.goal[trajectories.states[:, -1]]
     return ImitationMetrics(float(violated.mean()), float((arrived & ~violated).mean()))
-
-
-def learned_constraints(omega: Vector, threshold: float) -> Mask:
-    """Where the learned cost -omega exceeds the threshold, shape (K,)."""
-    return -omega > threshold
-
-
-def constraint_errors(omega: Vector, true_constraints: Mask, threshold: float) -> ConstraintErrors:
-    """FPR and FNR; a rate over an empty class is 0."""
-    learned = learned_constraints(omega, threshold)
-    return ConstraintErrors(
-        int((learned & ~true_constraints).sum()) / max(1, int((~true_constraints).sum())),
-        int((~learned & true_constraints).sum()) / max(1, int(true_constraints.sum())),
-    )
 
 
 def consensus_distance(vectors: Sequence[Vector]) -> float:

@@ -14,7 +14,8 @@ from mabirds_core.experiment.simulate import Progress
 from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_core.games.patrol.study import patrol_game
 from mabirds_core.games.patrol.visits import visits
-from mabirds_core.metrics.metrics import constraint_errors, exact_imitation, learned_constraints
+from mabirds_core.metrics.constraints import by_threshold, constraint_errors
+from mabirds_core.metrics.metrics import exact_imitation
 
 DIGITS = 6
 """Decimals of costs and visits in the results; far finer than any figure shows."""
@@ -46,10 +47,10 @@ def _rows(
     yield from curve("seconds", [update.seconds for update in progress], first=1)
     yield from entries(
         len(parameters) - 1,
-        **constraint_errors(omega, game.true_constraints, experiment.constraint_threshold)._asdict(),
+        **constraint_errors(by_threshold(omega, experiment.constraint_threshold), game.true_constraints)._asdict(),
         **progress[-1].work._asdict(),
         cost_of_true=np.round(-omega[game.true_constraints], DIGITS),
         cost_of_harmless=np.round(-omega[~game.true_constraints], DIGITS),
-        learned=learned_constraints(omega, experiment.constraint_threshold),
+        learned=by_threshold(omega, experiment.constraint_threshold),
         visits=np.round(visits(game, policy(parameters[-1])), DIGITS),
     )

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -39,3 +40,9 @@ class RolloutJudge:
     def distance(self, policies: Sequence[DronePolicy], seed: int) -> float:
         """Distance of the policies' place visitations."""
         return visitation_distance([place_visitation(self.game, self.rollouts(policy, seed)) for policy in policies])
+
+    def log_likelihoods(self, policy: Any, demonstrations: Trajectories) -> None:
+        """Not said: policies of the lattice interpolate, and their densities are not normalised."""
+
+    def constraint_confidences(self, reward: Any, parameters: Any, demonstrations: Trajectories) -> None:
+        """No test yet: constraints are told by the threshold."""

@@ -119,7 +119,7 @@ def arena_figure(game: DroneGame, judge: RolloutJudge, learned: Mapping[str, Lea
     """A panel per name and drone: what places cost and some rollouts; what distances cost."""
     costs = {
         name: LearnedCosts(omega, game.positions(judge.rollouts(policy, seed, SHOWN_ROLLOUTS).states))
-        for name, (policy, omega) in learned.items()
+        for name, (policy, omega, _) in learned.items()
     }
     return costs_figure(game, costs)
 

@@ -70,6 +70,7 @@ class Pilots:
     """Beyond the least distance, what they want between them then [m]."""
     margin: float = 0.1
     """What a demonstration leaves to every obstacle, and beyond the least distance between drones [m]."""
+    policy = None
 
     def demonstrations(self, count: int, rng: np.random.Generator) -> Iterator[Trajectories]:
         """``count`` demonstrations. Raises InfeasibleError where there are none, or too few to be found."""

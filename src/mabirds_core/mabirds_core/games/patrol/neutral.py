@@ -65,7 +65,7 @@ class ExpertMoves:
         system[:, self.goal], system[:, n] = 0.0, 1.0
         weight = np.sqrt(shown[cells, moves])
         solution = np.linalg.lstsq(system * weight[:, None], self.rewards[cells, moves] * weight, rcond=1e-10)[0]
-        return solution[:n], float(solution[n])
+        return np.asarray(solution[:n], dtype=np.float64), float(solution[n])
 
     def neutral_change(self, cell: int) -> Array | None:
         """What makes ``cell`` neutral, added to r(c, a), shape (n, 4); None where no shown way passes beside it."""

@@ -14,7 +14,6 @@ from mabirds_core.arrays import Array, Mask
 from mabirds_core.games.interface import Learned, Trajectories
 from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_core.games.patrol.visits import visits
-from mabirds_core.metrics.metrics import learned_constraints
 
 MAX_STARTS = 24
 """More starts than these would hide the map."""
@@ -48,12 +47,12 @@ def draw_paths(axis: Axes, game: PatrolGame, expert: int, demonstrations: Sequen
         axis.plot(columns + offset, rows + offset, color="tab:blue", linewidth=0.8, alpha=0.7)
 
 
-def map_figure(game: PatrolGame, learned: Mapping[str, Learned], threshold: float) -> Figure:
+def map_figure(game: PatrolGame, learned: Mapping[str, Learned]) -> Figure:
     """A panel per name and expert: visitation in blue, learned constraints as red crosses, obstacles in grey."""
     size = (2.6 * game.n_experts + 0.8, 2.8 * len(learned))
     figure, axes = plt.subplots(len(learned), game.n_experts, figsize=size, squeeze=False, layout="constrained")
-    for row, (name, (policy, omega)) in zip(axes, learned.items(), strict=True):
-        visited, constrained = visits(game, policy), learned_constraints(omega, threshold)
+    for row, (name, (policy, _, constrained)) in zip(axes, learned.items(), strict=True):
+        visited = visits(game, policy)
         for expert, axis in enumerate(row):
             cells = slice(expert * game.n_cells, (expert + 1) * game.n_cells)
             draw_map(axis, game, expert, visited[expert], constrained[cells])

@@ -10,8 +10,8 @@ from mabirds_core.games.patrol.game import PatrolGame
 class WholePatrolGame(PatrolGame):
     """``interface.Game`` of patrols."""
 
-    def figure(self, learned: Mapping[str, Learned], threshold: float, seed: int) -> Any:  # noqa: ARG002 - exact
+    def figure(self, learned: Mapping[str, Learned], threshold: float, seed: int) -> Any:  # noqa: ARG002
         """A map of each expert for each name: visits, and what counts as forbidden."""
         from mabirds_core.games.patrol.pictures import map_figure  # matplotlib is for reports
 
-        return map_figure(self, learned, threshold)
+        return map_figure(self, learned)

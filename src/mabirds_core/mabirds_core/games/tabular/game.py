@@ -6,7 +6,12 @@ A game that can list its joint states and actions (``interface.TabularGame``) in
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
+from mabirds_core.algorithm.parameters import Parameters
+from mabirds_core.arrays import Vector
 from mabirds_core.games.interface import Experts, Learned, TabularGame
+from mabirds_core.games.tabular.constraint_test import NeutralGame, Shown
 from mabirds_core.games.tabular.experts import KINDS, TabularExperts
 from mabirds_core.games.tabular.judge import ExactJudge
 from mabirds_core.planners.interface import OccupancyEstimator
@@ -22,9 +27,15 @@ class EnumerableGame:
     expert_kinds = tuple(KINDS)
 
     @property
-    def judge(self: TabularGame) -> ExactJudge:
+    def judge(self: NeutralGame) -> ExactJudge:
         """The judge of policies, by exact rates without sampling."""
         return ExactJudge(self)
+
+    def neutral_change(self, rewards: Vector, omega: Vector, shown: Shown, feature: int) -> Parameters | None:  # noqa: ARG002
+        """The feature costs nothing. Games whose rewards can say what the feature says should know better."""
+        costs = np.zeros_like(omega)
+        costs[feature] = -omega[feature]
+        return Parameters(np.zeros_like(rewards), costs)
 
     def expectation(self: TabularGame, kind: str, count: int) -> OccupancyEstimator:
         """The occupancy measure, or means over ``count`` rollouts."""

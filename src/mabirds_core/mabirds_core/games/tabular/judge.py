@@ -3,16 +3,21 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from mabirds_core.games.interface import ImitationMetrics, TabularGame
+from mabirds_core.algorithm.parameters import Parameters
+from mabirds_core.arrays import Vector
+from mabirds_core.games.interface import ImitationMetrics, Trajectories, discounted_visitation
+from mabirds_core.games.tabular.constraint_test import NeutralGame, Shown, constraint_confidences
+from mabirds_core.metrics.likelihood import log_likelihoods
 from mabirds_core.metrics.metrics import exact_imitation, policy_distance
 from mabirds_core.planners.interface import TabularPolicy
+from mabirds_core.rewards.models import TabularRewardModel
 
 
 @dataclass(frozen=True)
 class ExactJudge:
     """Follows the probability mass of a policy through time."""
 
-    game: TabularGame
+    game: NeutralGame
     method: str = "exact: by following the policy's probability mass, not by sampling"
 
     def eval_iterations(self, count: int) -> list[int]:
@@ -26,3 +31,19 @@ class ExactJudge:
     def distance(self, policies: Sequence[TabularPolicy], seed: int) -> float:  # noqa: ARG002 - nothing is drawn
         """Distance of the policies' occupancy measures."""
         return policy_distance(self.game, policies)
+
+    def log_likelihoods(self, policy: TabularPolicy, demonstrations: Trajectories) -> Vector:
+        """log p of each demonstration while it is under way."""
+        return log_likelihoods(self.game, policy, demonstrations)
+
+    def constraint_confidences(
+        self, reward: TabularRewardModel, parameters: Parameters, demonstrations: Trajectories
+    ) -> Vector:
+        """By the counterfactual test."""
+        visitation = discounted_visitation(demonstrations, self.game.discount)
+        shown = Shown(
+            len(demonstrations.states),
+            self.game.reward_features.total(visitation),
+            self.game.cost_features.total(visitation),
+        )
+        return constraint_confidences(self.game, reward, parameters, shown)

@@ -21,7 +21,7 @@ def costs_figure(game: TabularGame, learned: Mapping[str, Learned], threshold: f
     shown = min(MAX_SHOWN, len(names))
     size = (4.5 * len(learned), 0.25 * shown + 1.2)
     figure, axes = plt.subplots(1, len(learned), figsize=size, squeeze=False, layout="constrained")
-    for axis, (name, (_, omega)) in zip(axes[0], learned.items(), strict=True):
+    for axis, (name, (_, omega, _)) in zip(axes[0], learned.items(), strict=True):
         dearest = np.argsort(omega)[:shown][::-1]
         axis.barh(names[dearest], -omega[dearest], color=np.where(truth[dearest], "tab:red", "tab:blue"))
         axis.axvline(threshold, color="0.1", linestyle="--", linewidth=0.9)
