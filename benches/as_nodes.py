@@ -42,9 +42,9 @@ def measure(source: Path, seed: int, directory: Path) -> Iterator[dict[str, Any]
     file = seeded(source, seed, directory)
     experiment = load_experiment(file)
     record(experiment, experiment.demonstrations.bag)
-    (own := directory / f"run_{seed}" / "logs").mkdir(parents=True)
+    (logs := directory / f"run_{seed}" / "logs").mkdir(parents=True)
     begun = time.monotonic()
-    history = Network(experiment, file, own.parent, {"hz": 1000.0}).run().history
+    history = Network(experiment, file, logs.parent, {"hz": 1000.0}).run().history
     seconds, game = time.monotonic() - begun, drone_game(experiment)
     expected = simulate(experiment, drawn_streams(experiment, game))
     for name, parameters in history.items():
@@ -61,9 +61,9 @@ def measure(source: Path, seed: int, directory: Path) -> Iterator[dict[str, Any]
         }
 
 
-def equal(one: History, other: History, name: str) -> bool:
+def equal(first: History, second: History, name: str) -> bool:
     """Are all parameters of a learner the same to the last bit?"""
-    pairs = zip(one[name], other[name], strict=True)
+    pairs = zip(first[name], second[name], strict=True)
     return all(np.array_equal(a.theta, b.theta) and np.array_equal(a.omega, b.omega) for a, b in pairs)
 
 

@@ -91,8 +91,8 @@ def iteration_seconds(status: LearnerStatus) -> float | None:
 
 def median(values: list[float | None]) -> float:
     """Median of those that are there."""
-    known = sorted(value for value in values if value is not None)
-    return known[len(known) // 2]
+    numbers = sorted(value for value in values if value is not None)
+    return numbers[len(numbers) // 2]
 
 
 def main(as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False) -> None:  # noqa: FBT002

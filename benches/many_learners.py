@@ -47,7 +47,7 @@ class Watch:
         self.restarts += len(news)
         if not self.all_there and len(monitor.statuses) == len(self.experiment.learners):
             self.all_there = self.seconds
-        newest = [max(known, default=0) for known in monitor.parameters.values()]
+        newest = [max(by_iteration, default=0) for by_iteration in monitor.parameters.values()]
         if not self.megabytes and min(newest) > self.experiment.iterations // 2:
             pids = [child.process.popen.pid for child in supervisor.children.values() if child.process]
             self.megabytes = [psutil.Process(pid).memory_info().rss / 1e6 for pid in pids]
@@ -94,12 +94,12 @@ def main(
     """Start so many learners, let all of them learn, and report."""
     prepare_environment()
     with guarded_output() as stdout, tempfile.TemporaryDirectory() as directory:
-        found = measure(learners, iterations, Path(directory))
+        results = measure(learners, iterations, Path(directory))
         machine = {"cores": os.cpu_count(), "python": platform.python_version(), "rclpy": version("ros-rclpy")}
-        for name, value in found.items():
+        for name, value in results.items():
             console.print(f"{name}: {value:.3g}" if isinstance(value, float) else f"{name}: {value}")
         if as_json:
-            print(json.dumps({"machine": machine, "results": found}), file=stdout)
+            print(json.dumps({"machine": machine, "results": results}), file=stdout)
 
 
 if __name__ == "__main__":

@@ -25,9 +25,9 @@ PATIENCE = 10.0
 
 def on_the_graph(node: Node, name: str) -> str | None:
     """Words for a node that has this name, or is alone in a namespace of it; None while none is known."""
-    for own, namespace in node.get_node_names_and_namespaces():
-        if name in (own, topics.split_namespace(namespace)[1]):
-            return f"{namespace.rstrip('/')}/{own} is there"
+    for node_name, namespace in node.get_node_names_and_namespaces():
+        if name in (node_name, topics.split_namespace(namespace)[1]):
+            return f"{namespace.rstrip('/')}/{node_name} is there"
     return None
 
 

@@ -98,8 +98,8 @@ def read_compose(files: Sequence[Path], volumes: Path, variables: Mapping[str, s
     """
     contents = [yaml.safe_load(file.read_text(encoding="utf-8")) for file in files]
     merged = _fill_in(reduce(_merge, contents), variables)["services"]
-    chosen = {name: one for name, one in merged.items() if "profiles" not in one}
-    services = [_service(name, one, files[0].parent, volumes) for name, one in chosen.items()]
+    chosen = {name: content for name, content in merged.items() if "profiles" not in content}
+    services = [_service(name, content, files[0].parent, volumes) for name, content in chosen.items()]
     return sorted(services, key=lambda service: len(service.after))  # none waits for one that waits
 
 
@@ -123,7 +123,7 @@ def _fill_in(content: Any, variables: Mapping[str, str]) -> Any:
     if isinstance(content, list):
         return [_fill_in(value, variables) for value in content]
     if isinstance(content, str):
-        return VARIABLE.sub(lambda found: (variables.get(found[1]) or found[2] or "") if found[1] else "$", content)
+        return VARIABLE.sub(lambda match: (variables.get(match[1]) or match[2] or "") if match[1] else "$", content)
     return content
 
 
@@ -204,13 +204,13 @@ class Layout:
 
 def last_checkpoints(services: Sequence[Service]) -> dict[str, Path]:
     """By learner, the checkpoint that is written once everything is learned."""
-    found = {}
+    checkpoints = {}
     for service in filter(_lasts, services):
         experiment = load_experiment(_experiment(service))
         last = 1 + experiment.iterations + experiment.closing_rounds
         place = next(source for source, target, _ in service.volumes if target == CHECKPOINTS)
-        found[service.name] = place / f"{last:08}.safetensors"
-    return found
+        checkpoints[service.name] = place / f"{last:08}.safetensors"
+    return checkpoints
 
 
 def _lasts(service: Service) -> bool:
@@ -242,7 +242,7 @@ def run(compose: Sequence[Path], directory: Path, timeout: float) -> dict[str, d
         layout = Layout(services, directory, lan, {})
         try:
             layout.start(deadline)
-            for service in sorted((one for one in services if one.healthcheck), key=_lasts):
+            for service in sorted((service for service in services if service.healthcheck), key=_lasts):
                 layout.wait(partial(layout.is_healthy, service), f"{service.name} healthy", deadline)
             for name, file in checkpoints.items():
                 layout.wait(file.exists, f"{name} has learned everything", deadline)
@@ -261,7 +261,7 @@ def main() -> int:
     arguments = parser.parse_args()
     directory = run_directory.create(arguments.out.absolute(), "layout")
     try:
-        found = run(arguments.compose or [DOCKER / "compose.yaml"], directory, arguments.timeout)
+        checkpoints = run(arguments.compose or [DOCKER / "compose.yaml"], directory, arguments.timeout)
     except LayoutError as error:
         print(f"error: {error}", file=sys.stderr)
         return 3
@@ -269,9 +269,15 @@ def main() -> int:
         print(f"error: {error}", file=sys.stderr)
         return 2
     if arguments.json:
-        print(json.dumps({"directory": str(directory), "learners": found}, indent=2))
+        print(json.dumps({"directory": str(directory), "learners": checkpoints}, indent=2))
     else:
-        print(*(f"{name} theta {one['theta']} omega {one['omega']}" for name, one in found.items()), sep="\n")
+        print(
+            *(
+                f"{name} theta {checkpoint['theta']} omega {checkpoint['omega']}"
+                for name, checkpoint in checkpoints.items()
+            ),
+            sep="\n",
+        )
     return 0
 
 

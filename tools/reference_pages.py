@@ -88,35 +88,35 @@ def _commands(path: str, command: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _command_section(path: str, command: Any) -> str:
-    arguments = [name for one in command.params if (name := _argument(one))]
+    arguments = [name for option in command.params if (name := _argument(option))]
     usage = " ".join([path, "[OPTIONS]", *arguments])
     about, _, example = str(command.help or "").partition("Example: ")
-    rows = [_option_row(one) for one in command.params if one.name != "help"]
+    rows = [_option_row(option) for option in command.params if option.name != "help"]
     parts = [f"## {path}", about.strip(), block(usage, "console"), table(("option", "default", "meaning"), rows)]
     if example:
         parts.append(f"For example:\n\n{block(example, 'console')}")
     return "\n\n".join(parts) + "\n"
 
 
-def _argument(one: Any) -> str:
-    if one.param_type_name != "argument":
+def _argument(option: Any) -> str:
+    if option.param_type_name != "argument":
         return ""
-    name = one.metavar or one.name.upper()
-    return f"{name}{'...' if one.nargs == -1 else ''}"
+    name = option.metavar or option.name.upper()
+    return f"{name}{'...' if option.nargs == -1 else ''}"
 
 
-def _option_row(one: Any) -> tuple[str, str, str]:
-    name = _argument(one) or ", ".join(one.opts)
-    default = "required" if one.required else _default(one.default)
-    return code(name), default, f"{one.help or ''} {_choices(one)}".strip()
+def _option_row(option: Any) -> tuple[str, str, str]:
+    name = _argument(option) or ", ".join(option.opts)
+    default = "required" if option.required else _default(option.default)
+    return code(name), default, f"{option.help or ''} {_choices(option)}".strip()
 
 
-def _choices(one: Any) -> str:
+def _choices(option: Any) -> str:
     """What may be given, where that is limited: names, or a range."""
-    kinds = [one.type_descriptor.annotation, *get_args(one.type_descriptor.annotation)]
+    kinds = [option.type_descriptor.annotation, *get_args(option.type_descriptor.annotation)]
     if names := [name for kind in kinds if get_origin(kind) is Literal for name in get_args(kind)]:
         return f"One of {', '.join(map(code, names))}."
-    low, high = one.min, one.max
+    low, high = option.min, option.max
     if low is not None:
         return f"At least {low:g}." if high is None else f"From {low:g} to {high:g}."
     return "" if high is None else f"At most {high:g}."
@@ -164,32 +164,32 @@ def _reachable(part: Any, models: Mapping[str, Any]) -> Iterator[str]:
 def _model_section(name: str, model: Mapping[str, Any]) -> str:
     required = model.get("required", ())
     rows = [
-        (code(key), _type(one), "required" if key in required else _json_default(one), _meaning(one))
-        for key, one in model["properties"].items()
+        (code(key), _type(setting), "required" if key in required else _json_default(setting), _meaning(setting))
+        for key, setting in model["properties"].items()
     ]
     about = model.get("description", "").partition(">>>")[0].strip()
     return f"## {name}\n\n{about}\n\n{table(('name', 'type', 'default', 'meaning'), rows)}"
 
 
-def _type(one: Mapping[str, Any]) -> str:
+def _type(setting: Mapping[str, Any]) -> str:
     """The type of a setting, with links to models."""
-    if "$ref" in one:
-        name = one["$ref"].rpartition("/")[2]
+    if "$ref" in setting:
+        name = setting["$ref"].rpartition("/")[2]
         return f"[{name}](#{name.lower()})"
     for several in ("oneOf", "anyOf"):
-        if several in one:
-            return " or ".join(_type(kind) for kind in one[several])
-    if "const" in one or "enum" in one:
-        return " or ".join(code(value) for value in one.get("enum", [one.get("const")]))
-    if one.get("type") == "array":
-        inner = one.get("prefixItems")
-        return f"list of {len(inner)}: {_type(inner[0])}" if inner else f"list of {_type(one.get('items', {}))}"
+        if several in setting:
+            return " or ".join(_type(kind) for kind in setting[several])
+    if "const" in setting or "enum" in setting:
+        return " or ".join(code(value) for value in setting.get("enum", [setting.get("const")]))
+    if setting.get("type") == "array":
+        inner = setting.get("prefixItems")
+        return f"list of {len(inner)}: {_type(inner[0])}" if inner else f"list of {_type(setting.get('items', {}))}"
     names = {"number": "number", "integer": "integer", "string": "text", "boolean": "true or false", "null": "nothing"}
-    return names.get(str(one.get("type")), "anything")
+    return names.get(str(setting.get("type")), "anything")
 
 
-def _json_default(one: Mapping[str, Any]) -> str:
-    default = one.get("default")
+def _json_default(setting: Mapping[str, Any]) -> str:
+    default = setting.get("default")
     if isinstance(default, dict):
         return code(default["kind"]) if "kind" in default else "its defaults"
     return "" if default is None else code(str(default).lower() if isinstance(default, bool) else default)
@@ -206,9 +206,9 @@ BOUNDS = {
 }
 
 
-def _meaning(one: Mapping[str, Any]) -> str:
-    bounds = ", ".join(words.format(one[key]) for key, words in BOUNDS.items() if key in one)
-    return "; ".join(part for part in (str(one.get("description", "")), bounds) if part)
+def _meaning(setting: Mapping[str, Any]) -> str:
+    bounds = ", ".join(words.format(setting[key]) for key, words in BOUNDS.items() if key in setting)
+    return "; ".join(part for part in (str(setting.get("description", "")), bounds) if part)
 
 
 # Parameters, topics and services of nodes
@@ -269,11 +269,11 @@ def _of(file: Path, context: Context) -> dict[str, Any]:
 
 
 def _described(node: Node) -> Described:
-    ends: list[tuple[str, str, Any]] = [("publishes", one.topic_name, one) for one in node.publishers]
-    ends += [("hears", one.topic_name, one) for one in node.subscriptions]
-    calls: list[tuple[str, str, Any]] = [("serves", one.service_name, one.srv_type) for one in node.services]
-    calls += [("calls", one.service_name, one.srv_type) for one in node.clients]
-    found = Described(
+    ends: list[tuple[str, str, Any]] = [("publishes", end.topic_name, end) for end in node.publishers]
+    ends += [("hears", end.topic_name, end) for end in node.subscriptions]
+    calls: list[tuple[str, str, Any]] = [("serves", end.service_name, end.srv_type) for end in node.services]
+    calls += [("calls", end.service_name, end.srv_type) for end in node.clients]
+    described = Described(
         list(_parameters(node)),
         [
             (way, code(_general(name)), _type_name(end.msg_type), _qos(end.qos_profile))
@@ -283,7 +283,7 @@ def _described(node: Node) -> Described:
         [(way, code(_general(name)), _type_name(kind)) for way, name, kind in calls if _own(_type_name(kind))],
     )
     node.destroy_node()
-    return found
+    return described
 
 
 def _own(name: str) -> bool:
@@ -309,7 +309,8 @@ def _parameters(node: Node) -> Iterator[tuple[str, str, str, str]]:
     for name in sorted(filter(_own, node.get_parameters_by_prefix(""))):
         about, value = node.describe_parameter(name), node.get_parameter(name).value
         limits = [
-            f"{one.from_value:g} to {one.to_value:g}" for one in (*about.integer_range, *about.floating_point_range)
+            f"{bounds.from_value:g} to {bounds.to_value:g}"
+            for bounds in (*about.integer_range, *about.floating_point_range)
         ]
         default = "required" if name == "experiment" else code(str(value).lower() if isinstance(value, bool) else value)
         change = "" if about.read_only else "; may change while the node runs"

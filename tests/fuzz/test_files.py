@@ -26,7 +26,7 @@ from mabirds_core.experiment.file import Experiment, load_experiment
 from mabirds_msgs_py.bag_reader import DemonstrationBag
 from mabirds_msgs_py.errors import BagError
 
-LONGEST = 6000
+MAX_LENGTH = 6000
 """Characters of an error, however much is wrong."""
 
 BYTES = pytest.mark.parametrize(
@@ -60,7 +60,7 @@ def fuzz(
         refused = isinstance(found, refusal)
         counts[refused] += 1
         if refused:
-            assert 0 < len(str(found)) < LONGEST, case.name
+            assert 0 < len(str(found)) < MAX_LENGTH, case.name
             assert str(file.parent) in str(found), case.name
         else:
             yield case, found
@@ -173,7 +173,7 @@ def test_settings_of_any_kind_are_refused_or_an_experiment(
     def check(content: dict[str, Any]) -> None:
         text = yaml.safe_dump(content)
         found = outcome(lambda: loaded(file), file, Example(text, text.encode()), ExperimentError)
-        assert len(str(found)) < LONGEST
+        assert len(str(found)) < MAX_LENGTH
 
     check()
 
@@ -205,7 +205,7 @@ def refused(directory: Path, text: str) -> str:
     file = directory / "experiment.yaml"
     found = outcome(lambda: loaded(file), file, Example("", text.encode()), ExperimentError)
     assert isinstance(found, ExperimentError)
-    assert len(str(found)) < LONGEST
+    assert len(str(found)) < MAX_LENGTH
     return str(found).removeprefix(f"{file}: ")
 
 

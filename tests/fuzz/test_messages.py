@@ -41,7 +41,7 @@ REASONS = {
     "conflict",
 }
 
-LONGEST = 1000
+MAX_LENGTH = 1000
 """Characters of a refusal, whatever the message was."""
 
 EXAMPLES = pytest.mark.parametrize("examples", [150, pytest.param(5000, marks=pytest.mark.slow)])
@@ -67,7 +67,7 @@ def refusal(read: Callable[[], Any]) -> str | None:
     if refused is None:
         return None
     assert refused.reason in REASONS
-    assert 0 < len(str(refused)) < LONGEST
+    assert 0 < len(str(refused)) < MAX_LENGTH
     assert str(refused).isprintable()
     return refused.reason
 
@@ -287,7 +287,7 @@ def test_unfit_demonstrations_say_what_is_wrong(
         truth.read_demonstration("learner_1", message)
     assert refused.value.reason == reason
     assert text in str(refused.value)
-    assert len(str(refused.value)) < LONGEST
+    assert len(str(refused.value)) < MAX_LENGTH
 
 
 def test_minus_zero_is_zero_in_a_demonstration(truth: Truth) -> None:

@@ -18,7 +18,7 @@ from mabirds_learner.push_sum_member import PushSumMember
 from mabirds_msgs_py.mass_conversion import mass_message, read_mass, read_membership
 
 NAMES = ["learner_1", "learner_2"]
-LONGEST = 1000
+MAX_LENGTH = 1000
 """Characters of a refusal, whatever was sent."""
 IN_ONE_EXPERIMENT = settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
@@ -66,7 +66,7 @@ def test_a_refused_mass_changes_nothing(truth: Truth, change: dict[str, Any], ep
     before = session.parameters.theta.tobytes(), session.member.metrics(), session.member._newest(session.last)
     refusal = receive(session, experiment, message)
     if refusal is not None:
-        assert len(refusal) < LONGEST
+        assert len(refusal) < MAX_LENGTH
         assert (session.parameters.theta.tobytes(), session.member.metrics()) == before[:2]
         assert session.member._newest(session.last) == before[2]
 
@@ -86,5 +86,5 @@ def test_a_declaration_is_followed_or_refused(truth: Truth, members: list[str], 
         assert ours
         assert (session.epoch, set(session.member.members)) == (epoch, set(members))
     else:
-        assert len(refusal) < LONGEST
+        assert len(refusal) < MAX_LENGTH
         assert (session.epoch, list(session.member.members)) == (1, NAMES)

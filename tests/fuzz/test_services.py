@@ -22,7 +22,7 @@ from truth import Truth, bits, true_messages
 from mabirds_bringup.watch.inspector import InspectorNode
 from mabirds_msgs_py.qos import STATUS_QOS, announced, latched
 
-LONGEST = 1000
+MAX_LENGTH = 1000
 """Characters of an answer, whatever was asked."""
 
 
@@ -127,7 +127,7 @@ def test_what_was_never_sent_is_not_sent_again(
     answer = play.call(Resend, "resend", learner=learner, iteration=iteration)
     assert not answer.success
     assert text in answer.message
-    assert len(answer.message) < LONGEST
+    assert len(answer.message) < MAX_LENGTH
     assert len(play.received) == 8
 
 
@@ -203,7 +203,7 @@ def test_services_answer_whatever_is_asked(nodes: Any, long: Truth, count: int) 
             answered(player, SetBool, "pause", data=paused).message,
             answered(learner, FetchParameters, "fetch_parameters", iteration=iteration).message,
         ]
-        assert all(len(text) < LONGEST and text.isprintable() for text in texts)
+        assert all(len(text) < MAX_LENGTH and text.isprintable() for text in texts)
         assert all(stream.sent <= 4 for stream in player._streams.values())
 
     check()

@@ -29,7 +29,7 @@ from mabirds_core.errors import MabirdsError
 
 PREFIX = "mabirds"
 NETWORK = IPv4Network("10.77.0.0/16")
-SMALLEST_MTU, MAX_MTU = 576, 65535
+MIN_MTU, MAX_MTU = 576, 65535
 
 RULES = """
 table bridge switch {
@@ -140,8 +140,8 @@ class VirtualLan:
 
     def set_mtu(self, size: int) -> None:
         """Let frames carry up to ``size`` bytes of IP; 1500, as on Ethernet, unless set."""
-        if not SMALLEST_MTU <= size <= MAX_MTU:
-            raise NamespaceError(f"MTU {size}: expected {SMALLEST_MTU} to {MAX_MTU} bytes, such as 1500")
+        if not MIN_MTU <= size <= MAX_MTU:
+            raise NamespaceError(f"MTU {size}: expected {MIN_MTU} to {MAX_MTU} bytes, such as 1500")
         for host in self.hosts.values():
             _ip(host.namespace, f"link set dev eth0 mtu {size}")
             _ip(self.switch, f"link set dev {host.port} mtu {size}")

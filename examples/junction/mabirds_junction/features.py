@@ -29,7 +29,7 @@ class JunctionCostFeatures:
         lanes = self._lanes
         *by_vehicle, meeting = np.split(weights, np.cumsum(lanes.lengths))
         cells = lanes.cells(np.arange(lanes.n_states))
-        of_state = meeting[0] * lanes.meeting + sum(own[c] for own, c in zip(by_vehicle, cells, strict=True))
+        of_state = meeting[0] * lanes.meeting + sum(values[c] for values, c in zip(by_vehicle, cells, strict=True))
         return np.repeat(of_state[:, None], lanes.n_actions, axis=1)
 
 
@@ -62,7 +62,9 @@ class JunctionRewardFeatures:
         lanes, (states, actions, weights) = self._lanes, visitation
         pairs = 2 * lanes.cells(states) + lanes.moves(actions)
         by_vehicle = zip(pairs, lanes.lengths, strict=True)
-        return np.concatenate([weighted_counts(own, weights, 2 * length) for own, length in by_vehicle])
+        return np.concatenate(
+            [weighted_counts(pairs_of_vehicle, weights, 2 * length) for pairs_of_vehicle, length in by_vehicle]
+        )
 
     def table(self, weights: Vector) -> Array:
         """weights^T f(s, a), shape (S, A)."""
@@ -70,6 +72,6 @@ class JunctionRewardFeatures:
         by_vehicle = np.split(weights, np.cumsum([2 * length for length in lanes.lengths])[:-1])
         cells, moves = lanes.cells(np.arange(lanes.n_states)), lanes.moves(np.arange(lanes.n_actions))
         table = np.zeros((lanes.n_states, lanes.n_actions))
-        for own, c, m in zip(by_vehicle, cells, moves, strict=True):
-            table += own[2 * c[:, None] + m]
+        for values, c, m in zip(by_vehicle, cells, moves, strict=True):
+            table += values[2 * c[:, None] + m]
         return table

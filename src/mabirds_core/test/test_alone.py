@@ -54,7 +54,7 @@ def test_two_learners_agree_on_the_way_that_they_were_shown() -> None:
     before, after = (policy(parameters) for parameters in (history["left"][0], left))
     for step in (0, 1):  # then it is at its goal
         state, action = shown.states[0, [step]], shown.actions[0, step]
-        then, now = (np.exp(one.log_probabilities(step, state))[0] for one in (before, after))
+        then, now = (np.exp(policy.log_probabilities(step, state))[0] for policy in (before, after))
         assert now.sum() == pytest.approx(1.0)
         assert now[action] > then[action]
         assert np.argmax(now) == action

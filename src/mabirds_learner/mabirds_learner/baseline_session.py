@@ -41,7 +41,7 @@ class BaselineSession(SessionState):
         """Streams whose demonstration of iteration n is still to come."""
         if self.finished:
             return []
-        return [name for name, known in self._demonstrations.items() if self.iteration not in known]
+        return [name for name, received in self._demonstrations.items() if self.iteration not in received]
 
     @property
     def missing_demonstration(self) -> bool:
@@ -62,6 +62,6 @@ class BaselineSession(SessionState):
     def step(self) -> dict[str, float]:
         """Make update n; returns the work done since the beginning."""
         n = self.iteration
-        pooled = stacked([known.pop(n) for known in self._demonstrations.values()])
+        pooled = stacked([received.pop(n) for received in self._demonstrations.values()])
         self._state = self.method.update(self._state, pooled)
         return {name: float(count) for name, count in self.state.work._asdict().items()}

@@ -99,13 +99,13 @@ class CheckpointStore:
         Raises CheckpointError where there are files and none is sound: starting anew would overwrite them.
         """
         self.refused = []
-        found = dict(sorted(self._sound()))
-        if self.refused and not found:
+        checkpoints = dict(sorted(self._sound()))
+        if self.refused and not checkpoints:
             raise CheckpointError(
                 f"{self.directory}: no checkpoint can be used ({self.refused[-1]}); name another directory, or delete"
                 " this one to start anew"
             )
-        return found
+        return checkpoints
 
     def _sound(self) -> Iterator[tuple[int, dict[str, Array]]]:
         for file in sorted(self.directory.glob(f"*{SUFFIX}")):

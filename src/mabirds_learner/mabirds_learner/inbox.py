@@ -10,18 +10,18 @@ from mabirds_core.games.interface import Trajectories
 Content = Trajectories | Parameters
 
 
-def check_iteration(iteration: int, current: int, known: Mapping[int, Any], history: int, content: Content) -> None:
+def check_iteration(iteration: int, current: int, kept: Mapping[int, Any], history: int, content: Content) -> None:
     """Raise RefusedMessageError unless ``iteration`` is new and in [current, current + history).
 
-    ``known``: what is kept, by iteration. The first message of an iteration stays; a later one is a harmless
+    ``kept``: contents by iteration. The first message of an iteration stays; a later one is a harmless
     ``duplicate`` where its ``content`` is the same to the last bit, and a ``conflict`` where it is not: then somebody
     else sends in the same name.
     """
     if iteration < current:
         raise RefusedMessageError("old_iteration", f"iteration {iteration}, expected {current} or later")
-    if iteration in known and _same(known[iteration], content):
+    if iteration in kept and _same(kept[iteration], content):
         raise RefusedMessageError("duplicate", f"iteration {iteration} has arrived before")
-    if iteration in known:
+    if iteration in kept:
         raise RefusedMessageError(
             "conflict",
             f"iteration {iteration} has arrived before with other content, which is kept; who else sends it?",
@@ -30,5 +30,5 @@ def check_iteration(iteration: int, current: int, known: Mapping[int, Any], hist
         raise RefusedMessageError("future_iteration", f"iteration {iteration}, expected less than {current + history}")
 
 
-def _same(known: Content, content: Content) -> bool:
-    return all(ours.tobytes() == theirs.tobytes() for ours, theirs in zip(known, content, strict=True))
+def _same(kept: Content, content: Content) -> bool:
+    return all(ours.tobytes() == theirs.tobytes() for ours, theirs in zip(kept, content, strict=True))

@@ -85,9 +85,9 @@ class LearnerNode(ProgressNode):
             return None
         metadata = CheckpointMetadata(self.learner_name, self.experiment_digest, self.schedule.digest)
         store = CheckpointStore(Path(self.get_param("checkpoints")), metadata, self.parameter_history)
-        found = store.load()
-        if found:
-            self.session.restore(found)
+        checkpoint = store.load()
+        if checkpoint:
+            self.session.restore(checkpoint)
             self.set_event("; ".join([f"resumed at iteration {self.session.iteration}", *store.refused]))
         else:
             store.save(self.session.iteration, self.session.arrays())  # a neighbour may ask for the first one, too

@@ -114,8 +114,8 @@ class LearnerSession(SessionState, Generic[AMember]):
 
     def _close_iteration(self, iteration: int) -> None:
         """Drop what served an update, and own parameters that nobody can ask for any more."""
-        for known in [n for n in self._demonstrations if n <= iteration]:
-            del self._demonstrations[known]
+        for learned in [n for n in self._demonstrations if n <= iteration]:
+            del self._demonstrations[learned]
         self._own[self.iteration] = self.parameters
         self._own.pop(self.iteration - self.limits.parameter_history, None)
 

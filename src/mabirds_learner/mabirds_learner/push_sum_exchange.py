@@ -41,11 +41,11 @@ class PushSumExchange:
     def connect(self) -> None:
         """Meet every learner that is a neighbour at some iteration, and hear of declarations."""
         learner_name, _, schedule = self._identity
-        own = self._session.learner.index
-        for receiver in sorted({receiver for sender, receiver in schedule.all_edges if sender == own}):
+        index = self._session.learner.index
+        for receiver in sorted({receiver for sender, receiver in schedule.all_edges if sender == index}):
             name = schedule.learners[receiver]
             self._publishers[name] = self._outlet.publisher(Mass, topics.mass(name))
-        for name in (schedule.learners[sender] for sender in schedule.all_in_neighbours(own)):
+        for name in (schedule.learners[sender] for sender in schedule.all_in_neighbours(index)):
             self._outlet.subscribe(Mass, name, topics.mass(learner_name), partial(self._on_mass, name))
         self._outlet.subscribe_to_all(Membership, topics.MEMBERSHIP, self._on_membership, MEMBERSHIP_HISTORY)
         self._timer = self._outlet.timer(self._patience, self._on_patience)

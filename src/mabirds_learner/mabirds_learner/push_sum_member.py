@@ -83,7 +83,7 @@ class PushSumMember:
     @property
     def lag(self) -> int:
         """How many iterations a neighbour is known to be ahead."""
-        return max((max(0, n - self.state.iteration) for known in self._inbox.values() for n in known), default=0)
+        return max((max(0, n - self.state.iteration) for masses in self._inbox.values() for n in masses), default=0)
 
     def missing(self) -> list[str]:
         """In-neighbours of E(n) of whom nothing of iteration n has come, unless they are waited for no longer."""
@@ -125,10 +125,10 @@ class PushSumMember:
         Raises RefusedMessageError where it is of an earlier epoch, contained in what is known, or out of all reach.
         """
         self._require_news(sender, epoch, iteration)
-        known = self._inboxes[epoch][sender]
-        known[iteration] = total
-        while len(known) > self.limits.parameter_history:
-            del known[min(known)]  # contained in later ones
+        masses = self._inboxes[epoch][sender]
+        masses[iteration] = total
+        while len(masses) > self.limits.parameter_history:
+            del masses[min(masses)]  # contained in later ones
         if self.joining and epoch == self.epoch:
             self._join()
 
@@ -146,7 +146,7 @@ class PushSumMember:
 
     def _join(self) -> None:
         """Take part, if what neighbours have sent is enough."""
-        iteration = max(n for known in self._inbox.values() for n in known)
+        iteration = max(n for masses in self._inbox.values() for n in masses)
         mixing = self._mixer.join(self.push_sum, iteration, self._newest(iteration))
         if mixing is not None:
             self.close_iteration(iteration)
@@ -159,22 +159,22 @@ class PushSumMember:
 
     def _newest(self, until: int) -> dict[str, RunningSum]:
         """By sender the newest sum of an iteration up to ``until``."""
-        fitting = {name: max((n for n in known if n <= until), default=0) for name, known in self._inbox.items()}
+        fitting = {name: max((n for n in masses if n <= until), default=0) for name, masses in self._inbox.items()}
         return {name: self._inbox[name][n] for name, n in fitting.items() if n > 0}
 
     def close_iteration(self, iteration: int) -> None:
         """Note what has entered an update, and forget what is contained in it."""
-        for name, known in self._inbox.items():
-            for n in [n for n in known if n <= iteration]:
+        for name, masses in self._inbox.items():
+            for n in [n for n in masses if n <= iteration]:
                 self._received_at[name] = max(n, self._received_at.get(name, 0))
-                del known[n]
+                del masses[n]
 
     def follow(self, epoch: int, members: Sequence[str]) -> None:
         """Begin an epoch; raises RefusedMessageError where it is not new, or its members cannot learn together."""
         schedule = self._declared(epoch, members)
         self.joining = not self.is_member
         self.epoch, self.members, self._received_at = epoch, schedule.learners, {}
-        for earlier in [known for known in self._inboxes if known < epoch]:
+        for earlier in [kept for kept in self._inboxes if kept < epoch]:
             del self._inboxes[earlier]
         if self.is_member:
             self._use(schedule)

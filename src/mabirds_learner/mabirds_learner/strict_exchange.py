@@ -35,8 +35,8 @@ class StrictExchange:
 
     def connect(self) -> None:
         """Listen to every learner that is an in-neighbour at some iteration."""
-        schedule, own = self._identity.schedule, self._session.learner.index
-        for name in (schedule.learners[sender] for sender in schedule.all_in_neighbours(own)):
+        schedule, index = self._identity.schedule, self._session.learner.index
+        for name in (schedule.learners[sender] for sender in schedule.all_in_neighbours(index)):
             self._outlet.subscribe(ParametersMessage, name, topics.PARAMETERS, partial(self._on_parameters, name))
             self._fetch[name] = self._outlet.caller(FetchParameters, name, topics.FETCH_PARAMETERS)
 

@@ -44,7 +44,7 @@ class StrictMember:
     @property
     def lag(self) -> int:
         """How many iterations a neighbour is known to be ahead."""
-        return max((n - self.state.iteration for known in self._parameters.values() for n in known), default=0)
+        return max((n - self.state.iteration for received in self._parameters.values() for n in received), default=0)
 
     def missing(self) -> list[str]:
         """In-neighbours of E(n) whose parameters of iteration n are still to come."""
@@ -62,9 +62,9 @@ class StrictMember:
         """
         if iteration >= 1 and sender not in self._scheduled(iteration):
             return
-        known = self._parameters[sender]
-        check_iteration(iteration, self.state.iteration, known, self.limits.parameter_history, parameters)
-        known[iteration] = parameters
+        received = self._parameters[sender]
+        check_iteration(iteration, self.state.iteration, received, self.limits.parameter_history, parameters)
+        received[iteration] = parameters
 
     def incoming(self) -> dict[str, Parameters]:
         """theta(n), omega(n) of the in-neighbours of E(n), in the order of the list of learners."""
@@ -73,8 +73,8 @@ class StrictMember:
 
     def close_iteration(self, iteration: int) -> None:
         """Forget what has entered an update."""
-        for known in self._parameters.values():
-            known.pop(iteration, None)
+        for received in self._parameters.values():
+            received.pop(iteration, None)
 
     def metrics(self) -> dict[str, float]:
         """No numbers: parameters show all of them."""

@@ -24,8 +24,8 @@ COMMAND = [sys.executable, "-m", "mabirds_learner"]
 
 
 def start(directory: Path, *arguments: str) -> "subprocess.Popen[str]":
-    own = {"ROS_DOMAIN_ID": str(1 + os.getpid() % 101), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-    environment = {**os.environ, **own, "ROS_LOG_DIR": str(directory / "log")}
+    domain = {"ROS_DOMAIN_ID": str(1 + os.getpid() % 101), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    environment = {**os.environ, **domain, "ROS_LOG_DIR": str(directory / "log")}
     return subprocess.Popen([*COMMAND, *arguments], env=environment, stderr=subprocess.PIPE, text=True)
 
 

@@ -137,8 +137,8 @@ class DemonstrationBag:
     def _messages(self, file: Path, topic: str, time: int | None = None) -> Iterator[tuple[Demonstration, int]]:
         """Messages of a topic with their log times; all, or those at one time."""
         messages = self._readers[file].iter_messages(topics=topic, starting_at=time, ending_at=time)
-        while (found := _guarded(file, lambda: next(messages, None))) is not None:
-            schema, channel, message = found
+        while (record := _guarded(file, lambda: next(messages, None))) is not None:
+            schema, channel, message = record
             _check_type(file, topic, schema, channel)
             try:
                 yield deserialize_message(message.data, Demonstration), message.log_time
@@ -277,11 +277,11 @@ def _intact(file: Path) -> str:
 
 def _check_type(file: Path, topic: str, schema: Any, channel: Any) -> None:
     expected, expected_hash = type_name(Demonstration), type_hash(Demonstration)
-    found = schema.name if schema else "no type"
-    found_hash = channel.metadata.get("topic_type_hash", expected_hash)
-    if (found, found_hash) != (expected, expected_hash):
+    name = schema.name if schema else "no type"
+    given_hash = channel.metadata.get("topic_type_hash", expected_hash)
+    if (name, given_hash) != (expected, expected_hash):
         raise BagError(
-            f"{file}: topic {topic}: type {sanitize(found)} ({sanitize(found_hash)}), expected {expected}"
+            f"{file}: topic {topic}: type {sanitize(name)} ({sanitize(given_hash)}), expected {expected}"
             f" ({expected_hash});"
             " record the bag anew with this version"
         )

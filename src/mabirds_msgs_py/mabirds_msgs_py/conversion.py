@@ -163,7 +163,7 @@ def read_schedule(message: EdgeScheduleMessage) -> EdgeSchedule:
         candidates = [EdgeSchedule(tuple(message.learners), tuple(map(frozenset, slots)), end) for end in ENDS]
     except ScheduleError as error:
         raise RefusedMessageError("impossible_schedule", sanitize(str(error))) from None
-    found = [schedule for schedule in candidates if schedule.digest == message.digest]
-    if not found:
+    matching = [schedule for schedule in candidates if schedule.digest == message.digest]
+    if not matching:
         raise RefusedMessageError("wrong_schedule", f"digest {truncate(message.digest)!r} is not that of its content")
-    return found[0]
+    return matching[0]

@@ -147,8 +147,8 @@ def check_governance(file: Path) -> None:
     except ET.ParseError as error:
         raise SecurityError(f"{file}: is no signed governance file ({error}); make the keystore anew") from None
     for name, allowed in EXPECTED.items():
-        found = [(element.text or "").strip() for element in root.iter(name)] or ["missing"]
-        if wrong := [value for value in found if value not in allowed]:
+        values = [(element.text or "").strip() for element in root.iter(name)] or ["missing"]
+        if wrong := [value for value in values if value not in allowed]:
             raise SecurityError(f"{file}: {name} is {wrong[0]}, expected {allowed[0]}; make the keystore anew")
 
 

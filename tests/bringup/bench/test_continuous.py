@@ -264,7 +264,7 @@ def mabirds(*arguments: object, cwd: Path) -> "subprocess.CompletedProcess[str]"
 @pytest.fixture
 def files(make_drone_experiment: MakeExperiment) -> tuple[Path, Path]:
     """The experiment, and the same by soft actor-critic beside it."""
-    quick = {"baselines": {"ftl": {"most_steps": 2}, "dlm": {"most_steps": 2}}}
+    quick = {"baselines": {"ftl": {"max_steps": 2}, "dlm": {"max_steps": 2}}}
     main, sac = (make_drone_experiment(planner, name=planner) for planner in ("lattice", "soft_actor_critic"))
     main.write_text(main.read_text(encoding="utf-8") + json.dumps(quick)[1:-1] + "\n", encoding="utf-8")
     return main, Path(shutil.copy(sac, main.with_name("experiment_sac.yaml")))

@@ -106,7 +106,7 @@ def test_one_bics_step_is_the_mean_of_the_learners_steps() -> None:
 
 def test_ftl_ends_where_the_sum_of_all_losses_is_nearly_stationary() -> None:
     game, tolerance = one_start(), 0.1
-    method = Ftl(estimator(game), STEPS, tolerance, most_steps=5000, seed=0)
+    method = Ftl(estimator(game), STEPS, tolerance, max_steps=5000, seed=0)
     state, seen = method.initial_state(), []
     for n in range(1, 4):
         seen.append(pooled(game, streams=2, seed=n))
@@ -120,9 +120,9 @@ def test_ftl_ends_where_the_sum_of_all_losses_is_nearly_stationary() -> None:
         assert state.work.policy_solves - before.work.policy_solves == made + 1
 
 
-def test_ftl_stops_after_its_most_steps() -> None:
+def test_ftl_stops_after_its_max_steps() -> None:
     game = hallway()
-    method = Ftl(estimator(game), STEPS, tolerance=1e-9, most_steps=3, seed=0)
+    method = Ftl(estimator(game), STEPS, tolerance=1e-9, max_steps=3, seed=0)
     first = method.update(method.initial_state(), pooled(game, 2, seed=1))
     assert first.work == (3, 4)
     assert method.update(first, pooled(game, 2, seed=2)).work == (6, 8)
@@ -130,7 +130,7 @@ def test_ftl_stops_after_its_most_steps() -> None:
 
 def test_the_steps_of_ftl_decay_over_all_iterations() -> None:
     game, seen = hallway(), [pooled(hallway(), 2, seed=n) for n in (1, 2)]
-    method = Ftl(estimator(game), STEPS, tolerance=1e-9, most_steps=1, seed=0)
+    method = Ftl(estimator(game), STEPS, tolerance=1e-9, max_steps=1, seed=0)
     first = method.update(method.initial_state(), seen[0])
     gradient = gradient_by_differences(game, first.parameters, stacked(seen))
     expected = Parameters(
@@ -141,7 +141,7 @@ def test_the_steps_of_ftl_decay_over_all_iterations() -> None:
 
 def test_dlm_solves_the_inner_problem_and_then_steps_once_in_theta() -> None:
     game, tolerance = one_start(), 0.02
-    method = Dlm(estimator(game), STEPS, window=2, tolerance=tolerance, most_steps=5000, seed=0)
+    method = Dlm(estimator(game), STEPS, window=2, tolerance=tolerance, max_steps=5000, seed=0)
     state, seen = method.initial_state(), []
     for n in range(1, 4):
         seen.append(pooled(game, streams=2, seed=n))
@@ -154,9 +154,9 @@ def test_dlm_solves_the_inner_problem_and_then_steps_once_in_theta() -> None:
         assert state.work.policy_solves - before.work.policy_solves >= 3
 
 
-def test_dlm_stops_its_inner_loop_after_its_most_steps() -> None:
+def test_dlm_stops_its_inner_loop_after_its_max_steps() -> None:
     game = hallway()
-    method = Dlm(estimator(game), STEPS, window=1, tolerance=1e-9, most_steps=3, seed=0)
+    method = Dlm(estimator(game), STEPS, window=1, tolerance=1e-9, max_steps=3, seed=0)
     assert method.update(method.initial_state(), pooled(game, 2, seed=1)).work == (4, 4)
 
 
@@ -269,8 +269,8 @@ def test_a_method_runs_on_all_streams_of_an_experiment(name: str) -> None:
 
 def test_methods_take_their_settings_from_the_experiment() -> None:
     baselines = {
-        "ftl": {"tolerance": 0.3, "most_steps": 7, "steps": {"alpha": 9.0, "beta": 1.0}},
-        "dlm": {"tolerance": 0.4, "most_steps": 8, "window": 5},
+        "ftl": {"tolerance": 0.3, "max_steps": 7, "steps": {"alpha": 9.0, "beta": 1.0}},
+        "dlm": {"tolerance": 0.4, "max_steps": 8, "window": 5},
         "me_greedy": {"least_mass": 0.2},
     }
     settings = experiment({"algorithm.window": 3}).model_dump(mode="json")
@@ -282,9 +282,9 @@ def test_methods_take_their_settings_from_the_experiment() -> None:
     assert isinstance(made["bics"], Bics)
     assert made["bics"].window == 3
     assert isinstance(made["ftl"], Ftl)
-    assert (made["ftl"].tolerance, made["ftl"].most_steps, made["ftl"].steps.alpha) == (0.3, 7, 9.0)
+    assert (made["ftl"].tolerance, made["ftl"].max_steps, made["ftl"].steps.alpha) == (0.3, 7, 9.0)
     assert isinstance(made["dlm"], Dlm)
-    assert (made["dlm"].tolerance, made["dlm"].most_steps, made["dlm"].window) == (0.4, 8, 5)
+    assert (made["dlm"].tolerance, made["dlm"].max_steps, made["dlm"].window) == (0.4, 8, 5)
     assert made["dlm"].steps == settings_of_the_algorithm
     assert isinstance(made["me_greedy"], MeGreedy)
     assert made["me_greedy"].least_mass == 0.2

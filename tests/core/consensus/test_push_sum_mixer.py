@@ -14,7 +14,7 @@ from mabirds_core.consensus.push_sum import PushSumState, RunningSum
 from mabirds_core.consensus.push_sum_mixer import PushSumMixer
 from mabirds_core.experiment.assembly import build_learner
 
-SMALLEST = 0.25
+MIN_WEIGHT = 0.25
 NAMES = ["ann", "bob", "cid", "dee"]
 SLOTS = [
     [["ann", "bob"], ["bob", "ann"]],
@@ -25,7 +25,7 @@ SLOTS = [
 SETTINGS = experiment(
     {"learners": NAMES, "schedule": {"kind": "slots", "slots": SLOTS}, "mixing": {"kind": "resilient"}}
 )
-MIXER = PushSumMixer("ann", SETTINGS.edge_schedule, SMALLEST)
+MIXER = PushSumMixer("ann", SETTINGS.edge_schedule, MIN_WEIGHT)
 
 
 def ann() -> Learner:
@@ -80,7 +80,7 @@ def test_a_learner_enters_with_weight_one() -> None:
     assert PushSumState.init(whole.parameters).mass.tobytes() == mass(whole, 1.0).tobytes()
 
 
-@pytest.mark.parametrize(("weight", "sends"), [(0.0, False), (np.nextafter(SMALLEST, 0), False), (SMALLEST, True)])
+@pytest.mark.parametrize(("weight", "sends"), [(0.0, False), (np.nextafter(MIN_WEIGHT, 0), False), (MIN_WEIGHT, True)])
 def test_who_has_too_little_sends_nothing(weight: float, sends: bool) -> None:
     state = begun(weight)
     assert list(state.sent) == list(MIXER.outgoing(state, 1)) == (["bob"] if sends else [])
@@ -90,7 +90,7 @@ def test_who_has_too_little_sends_nothing(weight: float, sends: bool) -> None:
 
 @pytest.mark.parametrize("enough", [True, False])
 def test_a_late_joiner_begins_once_it_was_sent_enough(enough: bool) -> None:
-    state, last = begun(0.0), SMALLEST - 1 / 8
+    state, last = begun(0.0), MIN_WEIGHT - 1 / 8
     shares = {"dee": mass(state, 1 / 8) * 3, "bob": mass(state, last if enough else last - 2**-40)}
     shares["dee"][-1] = 1 / 8
     joined = MIXER.join(state, 2, {name: sum_of(share) for name, share in shares.items()})
@@ -99,14 +99,14 @@ def test_a_late_joiner_begins_once_it_was_sent_enough(enough: bool) -> None:
         np.testing.assert_allclose(joined.parameters.theta, 2 * state.parameters.theta)
         np.testing.assert_allclose(joined.parameters.omega, 2 * state.parameters.omega)
         assert {name: sent.total[-1] for name, sent in joined.sent.items()} == pytest.approx(
-            {"bob": SMALLEST / 3, "cid": SMALLEST / 3}
+            {"bob": MIN_WEIGHT / 3, "cid": MIN_WEIGHT / 3}
         )
         assert joined.received.keys() == {"bob", "dee"}
 
 
-@pytest.mark.parametrize(("weight", "moves"), [(np.nextafter(SMALLEST, 0), False), (SMALLEST, True)])
+@pytest.mark.parametrize(("weight", "moves"), [(np.nextafter(MIN_WEIGHT, 0), False), (MIN_WEIGHT, True)])
 def test_an_estimate_moves_only_while_there_is_weight_to_carry_it(weight: float, moves: bool) -> None:
-    learner, state = ann(), begun(np.nextafter(SMALLEST, 0))
+    learner, state = ann(), begun(np.nextafter(MIN_WEIGHT, 0))
     zeta = demonstrations(SETTINGS)["ann"][0]
     nothing = 0.0 * state.mass
     nothing[-1] = weight - state.weight

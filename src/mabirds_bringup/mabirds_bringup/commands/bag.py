@@ -31,8 +31,8 @@ def check(
     with guarded_output() as stdout:
         experiment = load_experiment(file)
         directory = bag or experiment.demonstrations.bag
-        with DemonstrationBag(directory, build_game(experiment), experiment.learners) as found:
-            counts = {name: found.count(name) for name in experiment.learners}
+        with DemonstrationBag(directory, build_game(experiment), experiment.learners) as reader:
+            counts = {name: reader.count(name) for name in experiment.learners}
         console.print(f"{directory}: whole; " + ", ".join(f"{name} {count}" for name, count in counts.items()))
         if as_json:
             print_json({"bag": str(directory), "demonstrations": counts}, stdout)

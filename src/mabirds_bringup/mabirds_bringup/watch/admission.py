@@ -36,10 +36,10 @@ class MessageValidator:
     def _schedule_message(self) -> EdgeSchedule:
         return schedule_message(self._schedule)
 
-    def parameters(self, name: str, message: ParametersMessage, known: Mapping[int, Parameters]) -> Parameters:
+    def parameters(self, name: str, message: ParametersMessage, received: Mapping[int, Parameters]) -> Parameters:
         """theta(n), omega(n) of ``name``; ``known``: those that it has sent before, by iteration."""
         parameters = read_parameters(message, name, self.digest, self._schedule.digest, self._initial[name])
-        check_iteration(message.iteration, 1, known, self.last, parameters)
+        check_iteration(message.iteration, 1, received, self.last, parameters)
         return parameters
 
     def status(self, name: str, message: LearnerStatus) -> None:

@@ -104,8 +104,8 @@ class MonitorNode(Node):
 
     def _missing(self, name: str) -> list[int]:
         """Iterations before the newest that were not heard of and may still be had."""
-        known = self.parameters[name]
-        return [n for n in range(1, max(known, default=0)) if n not in known and n not in self.lost[name]]
+        received = self.parameters[name]
+        return [n for n in range(1, max(received, default=0)) if n not in received and n not in self.lost[name]]
 
     def _ask_for_gaps(self) -> None:
         """Ask learners for what they published before this node found them, or just before they died."""
@@ -179,10 +179,10 @@ class MonitorNode(Node):
 
     def consensus(self) -> tuple[int, float, float] | None:
         """(n, distance in theta, distance in omega) at the newest iteration known of all learners."""
-        common = set.intersection(*(set(known) for known in self.parameters.values()))
+        common = set.intersection(*(set(by_iteration) for by_iteration in self.parameters.values()))
         if not common:
             return None
-        newest = [known[max(common)] for known in self.parameters.values()]
+        newest = [by_iteration[max(common)] for by_iteration in self.parameters.values()]
         return (
             max(common),
             consensus_distance([parameters.theta for parameters in newest]),
@@ -203,11 +203,12 @@ class MonitorNode(Node):
 
     def delivered(self) -> DeliveredEdges:
         """Whose parameters each learner says it mixed, at the iterations of which all learners' statuses were heard."""
-        heard = set.intersection(*(set(known) for known in self._mixed.values()))
+        heard = set.intersection(*(set(by_iteration) for by_iteration in self._mixed.values()))
         return {n: [self._mixed[name][n] for name in self.names] for n in sorted(heard)}
 
     def history(self) -> History:
         """theta(n), omega(n) from n = 1 up to the newest without a gap."""
         return {
-            name: [known[n] for n in takewhile(known.__contains__, count(1))] for name, known in self.parameters.items()
+            name: [by_iteration[n] for n in takewhile(by_iteration.__contains__, count(1))]
+            for name, by_iteration in self.parameters.items()
         }

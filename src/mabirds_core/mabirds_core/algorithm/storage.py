@@ -21,8 +21,8 @@ POLICY, RULE = "policy.", "steps."
 
 def to_arrays(learner: Learner, state: LearnerState) -> dict[str, Array]:
     """The state without its iteration number: theta, omega, steps.NAME, policy.NAME, the mixer's and the memory's."""
-    own = {"theta": state.parameters.theta, "omega": state.parameters.omega}
-    arrays = {**own, **learner.mixer.to_arrays(state.mixing)}
+    parameters = {"theta": state.parameters.theta, "omega": state.parameters.omega}
+    arrays = {**parameters, **learner.mixer.to_arrays(state.mixing)}
     arrays |= state.memory.to_arrays()
     arrays |= {f"{RULE}{name}": values for name, values in state.rule.items()}
     if state.policy is not None:
@@ -60,8 +60,8 @@ def _rule_of(learner: Learner, arrays: Mapping[str, Array]) -> RuleState:
 def parameters_of(learner: Learner, arrays: Mapping[str, Array]) -> Parameters:
     """theta and omega; raises CheckpointError for wrong shapes and for what is no finite number."""
     like = learner.estimator.initial_parameters(learner.seed)
-    found = Parameters(*(arrays.get(name, np.empty(0)) for name in Parameters._fields))
-    for name, values, expected in zip(Parameters._fields, found, like, strict=True):
+    parameters = Parameters(*(arrays.get(name, np.empty(0)) for name in Parameters._fields))
+    for name, values, expected in zip(Parameters._fields, parameters, like, strict=True):
         if values.shape != expected.shape or not (np.abs(values) <= MAX_PARAMETER).all():
             raise CheckpointError(f"{name}: expected {expected.size} numbers of at most {MAX_PARAMETER:g}")
-    return found
+    return parameters

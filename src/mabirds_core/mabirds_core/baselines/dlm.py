@@ -6,7 +6,7 @@ At iteration n, for the demonstrations of the last l iterations of all streams,
     outer step: theta <- theta - beta(n) grad_theta    at that omega
 
 so that the outer gradient is taken where the inner problem, the dual over omega, is solved. ``tolerance`` bounds the
-largest entry; the inner loop also ends after ``most_steps``. Every inner step needs a policy of its own.
+largest entry; the inner loop also ends after ``max_steps``. Every inner step needs a policy of its own.
 """
 
 from dataclasses import dataclass
@@ -22,13 +22,13 @@ from mabirds_core.games.interface import Trajectories
 
 @dataclass(frozen=True)
 class Dlm:
-    """``window``: l. ``tolerance``: of the inner problem, in discounted counts. ``most_steps``: of the inner loop."""
+    """``window``: l. ``tolerance``: of the inner problem, in discounted counts. ``max_steps``: of the inner loop."""
 
     estimator: GradientEstimator
     steps: StepRule
     window: int
     tolerance: float
-    most_steps: int
+    max_steps: int
     seed: int
 
     def initial_state(self) -> CentralState:
@@ -43,10 +43,10 @@ class Dlm:
             state.memory.add(demonstrations),
         )
         parameters, policy, inner = state.parameters, state.policy, self.steps.initial(state.parameters)
-        for made in range(self.most_steps + 1):
+        for made in range(self.max_steps + 1):
             estimate = self.estimator(parameters, memory, rng, policy)
             policy = estimate.policy
-            if made == self.most_steps or np.abs(estimate.gradient.omega).max() <= self.tolerance:
+            if made == self.max_steps or np.abs(estimate.gradient.omega).max() <= self.tolerance:
                 break
             step, inner = self.steps.step(inner, estimate, made + 1)
             parameters = descend(parameters, step._replace(theta=np.zeros_like(step.theta)))

@@ -4,7 +4,7 @@ At iteration n it descends the mean of all losses so far, over every demonstrati
 
     G_n(theta, omega) = 1 / (n N_L) sum_{i <= n} sum_v G(theta, omega; zeta_v(i)),
 
-theta and omega together, until the gradient's largest entry is at most ``tolerance`` or ``most_steps`` are made.
+theta and omega together, until the gradient's largest entry is at most ``tolerance`` or ``max_steps`` are made.
 Step sizes decay over all steps since the beginning. Every step needs a policy of its own.
 """
 
@@ -22,12 +22,12 @@ from mabirds_core.games.interface import Trajectories
 
 @dataclass(frozen=True)
 class Ftl:
-    """``tolerance``: of the stationary point, in discounted counts. ``most_steps``: per iteration."""
+    """``tolerance``: of the stationary point, in discounted counts. ``max_steps``: per iteration."""
 
     estimator: GradientEstimator
     steps: StepRule
     tolerance: float
-    most_steps: int
+    max_steps: int
     seed: int
 
     def initial_state(self) -> CentralState:
@@ -39,10 +39,10 @@ class Ftl:
         n, rng = state.iteration, np.random.default_rng([self.seed, state.iteration])
         everything: WindowMemory = replace(state.memory, length=n).add(demonstrations)
         parameters, policy, rule = state.parameters, state.policy, state.rule
-        for made in range(self.most_steps + 1):
+        for made in range(self.max_steps + 1):
             estimate = self.estimator(parameters, everything, rng, policy)
             policy = estimate.policy
-            if made == self.most_steps or largest(estimate.gradient) <= self.tolerance:
+            if made == self.max_steps or largest(estimate.gradient) <= self.tolerance:
                 break
             step, rule = self.steps.step(rule, estimate, state.work.gradient_steps + made + 1)
             parameters = descend(parameters, step)

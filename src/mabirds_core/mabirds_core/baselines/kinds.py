@@ -23,13 +23,13 @@ def build_bics(settings: BicsSettings, parts: MethodParts) -> Bics:  # noqa: ARG
 def build_ftl(settings: FtlSettings, parts: MethodParts) -> Ftl:
     """Follow the leader."""
     steps = settings.steps or parts.steps
-    return Ftl(parts.estimator(parts.reward), steps, settings.tolerance, settings.most_steps, parts.seed)
+    return Ftl(parts.estimator(parts.reward), steps, settings.tolerance, settings.max_steps, parts.seed)
 
 
 def build_dlm(settings: DlmSettings, parts: MethodParts) -> Dlm:
     """The double loop."""
     steps, estimator = settings.steps or parts.steps, parts.estimator(parts.reward)
-    return Dlm(estimator, steps, settings.window, settings.tolerance, settings.most_steps, parts.seed)
+    return Dlm(estimator, steps, settings.window, settings.tolerance, settings.max_steps, parts.seed)
 
 
 def build_me_greedy(settings: MeGreedySettings, parts: MethodParts) -> MeGreedy:

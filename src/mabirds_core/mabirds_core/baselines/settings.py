@@ -1,5 +1,8 @@
 """Central methods as written in an experiment file. All take the algorithm's step sizes where they name none."""
 
+from collections.abc import Mapping
+from typing import ClassVar
+
 from pydantic import Field
 
 from mabirds_core.algorithm.paper_steps import PaperSteps
@@ -15,7 +18,9 @@ class FtlSettings(Settings):
 
     steps: PaperSteps | None = Field(None, description="the paper's steps; default: the algorithm's rule")
     tolerance: float = Field(0.3, gt=0, description="largest entry of a gradient that counts as stationary")
-    most_steps: int = Field(50, ge=1, le=100_000, description="gradient steps per iteration")
+    max_steps: int = Field(50, ge=1, le=100_000, description="gradient steps per iteration")
+
+    renamed: ClassVar[Mapping[str, str]] = {"most_steps": "max_steps"}
 
 
 class DlmSettings(Settings):
@@ -23,8 +28,10 @@ class DlmSettings(Settings):
 
     steps: PaperSteps | None = Field(None, description="the paper's steps; default: the algorithm's rule")
     tolerance: float = Field(0.5, gt=0, description="largest entry of the inner gradient that counts as solved")
-    most_steps: int = Field(50, ge=1, le=100_000, description="inner steps per iteration")
+    max_steps: int = Field(50, ge=1, le=100_000, description="inner steps per iteration")
     window: int = Field(10, ge=1, le=1000, description="l: iterations whose demonstrations make a loss")
+
+    renamed: ClassVar[Mapping[str, str]] = {"most_steps": "max_steps"}
 
 
 class MeGreedySettings(Settings):

@@ -97,8 +97,8 @@ class EdgeSchedule:
         """Names of the out-neighbours of E(n), in the order of ``learners``; none after the end of a schedule."""
         if self._is_over(iteration):
             return []
-        own = self.learners.index(name)
-        return [self.learners[receiver] for sender, receiver in sorted(self.edges(iteration)) if sender == own]
+        index = self.learners.index(name)
+        return [self.learners[receiver] for sender, receiver in sorted(self.edges(iteration)) if sender == index]
 
     def all_in_neighbours(self, learner: int) -> list[int]:
         """Whose parameters the learner mixes in at some iteration, sorted: whom it subscribes to."""

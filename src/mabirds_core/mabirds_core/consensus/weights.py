@@ -67,10 +67,10 @@ def _circulation(n_learners: int, edges: list[Edge], names: Sequence[str]) -> Ar
 
 def _by_first(pairs: Iterable[Edge]) -> dict[int, list[int]]:
     """The second ones of the pairs by the first, in the order of the pairs."""
-    found = defaultdict[int, list[int]](list)
+    by_first = defaultdict[int, list[int]](list)
     for first, second in pairs:
-        found[first].append(second)
-    return found
+        by_first[first].append(second)
+    return by_first
 
 
 def _search(successors: dict[int, list[int]], start: int) -> dict[int, int]:

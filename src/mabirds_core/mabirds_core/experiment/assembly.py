@@ -111,8 +111,8 @@ def evaluation_policy(experiment: Experiment, name: str, game: Game) -> Callable
     """
     method: Any = build_method(experiment, name, game) if name not in experiment.learners else None
     if method is not None and hasattr(method, "policy"):
-        own: Callable[[Parameters], Policy] = method.policy
-        return own
+        policy_of_method: Callable[[Parameters], Policy] = method.policy
+        return policy_of_method
     reward = build_reward(experiment, game) if method is None else method.estimator.reward
     planner = game.evaluation_planner(experiment.algorithm.policy, reward)
     return lambda parameters: planner.plan(*parameters, rng=np.random.default_rng(experiment.seed))

@@ -136,9 +136,9 @@ def backed_up(game: TabularGame, reward: Array, visited: Indices) -> SoftQPolicy
     """One backup of every action of every visited state at every step, backwards in time."""
     values = np.zeros((game.horizon + 2, len(visited)))
     values[:, -1] = -np.inf
-    own, places = reward[visited[:-1]], successor_places(game, visited[:-1], visited)
+    rewards, places = reward[visited[:-1]], successor_places(game, visited[:-1], visited)
     for step in range(game.horizon, -1, -1):
-        q = own + game.discount * successor_values(values[step + 1], places)
+        q = rewards + game.discount * successor_values(values[step + 1], places)
         values[step, :-1] = log_sum_exp(q)
     return SoftQPolicy(game, reward, visited, values)
 
@@ -155,7 +155,7 @@ def successor_places(game: TabularGame, states: Indices, visited: Indices) -> In
 
 def successor_values(values: Vector, places: Indices) -> Array:
     """V(s') of the A successors at ``places``, shape (M, A); unvisited: the row's largest, or 0 if none is visited."""
-    known = values[places]
-    best = known.max(axis=1, keepdims=True)
+    successors = values[places]
+    best = successors.max(axis=1, keepdims=True)
     best[np.isneginf(best)] = 0.0
-    return np.where(np.isneginf(known), best, known)[:, :-1]
+    return np.where(np.isneginf(successors), best, successors)[:, :-1]

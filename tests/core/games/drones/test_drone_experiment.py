@@ -188,6 +188,7 @@ def test_a_lattice_may_be_as_coarse_as_its_corners(tmp_path: Path) -> None:
         ({"game.room": [1.6, 1.2]}, "game.room: now arena; rename it (given: [1.6, 1.2])"),
         ({"game.pillars": []}, "game.pillars: now obstacles; rename it (given: [])"),
         ({"game.drones.0.door": 1}, "game.drones.0.door: now goal_region; rename it (given: 1)"),
+        ({"baselines": {"ftl": {"most_steps": 3}}}, "baselines.ftl.most_steps: now max_steps; rename it (given: 3)"),
         ({"game": 7}, "game: Input should be"),
         ({"game": {"kind": "drones", "arena": [1, 1]}}, "game.drones: Field required"),
         (

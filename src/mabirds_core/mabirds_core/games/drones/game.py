@@ -155,13 +155,13 @@ class DroneGame:
             )
 
     def _check_transitions(self, states: Array, actions: Array) -> None:
-        expected, found = self.drones(self.step(states[:-1], actions[:-1])), self.drones(states[1:])
-        wrong = np.argwhere(np.abs(found - expected).max(axis=-1) > TOLERANCE)
+        expected, given = self.drones(self.step(states[:-1], actions[:-1])), self.drones(states[1:])
+        wrong = np.argwhere(np.abs(given - expected).max(axis=-1) > TOLERANCE)
         if len(wrong):
             step, drone = wrong[0]
             raise ImpossibleTrajectoryError(
                 f"step {step}: drone {drone + 1} with action {_pair(self.controls(actions)[step, drone])} is then"
-                f" at {_pair(found[step, drone])}; the game allows only {_pair(expected[step, drone])}"
+                f" at {_pair(given[step, drone])}; the game allows only {_pair(expected[step, drone])}"
             )
 
 

@@ -265,10 +265,10 @@ def backup(first: TransitionKernel, second: TransitionKernel, ahead: Array) -> A
     ``ahead`` first and goes into that drone's kernel, where it is scaled row by row; what is left is what the drones
     cost each other. Where even that is too much, every pair of nodes around the drones is summed up in logs.
     """
-    own = ahead.max(axis=1)
-    rest = ahead - own[:, None]
+    best = ahead.max(axis=1)
+    rest = ahead - best[:, None]
     other = rest.max(axis=0)
-    (k1, shift1), (k2, shift2) = first.scaled(own), second.scaled(other)
+    (k1, shift1), (k2, shift2) = first.scaled(best), second.scaled(other)
     half = np.ascontiguousarray((k1 @ np.exp(rest - other)).T)
     total = (k2 @ half).T
     values = np.asarray(np.log(np.maximum(total, UNDERFLOW)) + shift1[:, None] + shift2)

@@ -226,8 +226,10 @@ class _Rollout:
 
     def _best(self, futures: Array, others: Array) -> int:
         """Which of one drone's futures (F, times, 2) to choose in view of those of others (k, times, 2)."""
-        own, other = futures[:, None], others[None]
-        apart = swept_separation((own[..., :-1, :], other[..., :-1, :]), (own[..., 1:, :], other[..., 1:, :]))
+        candidates, other = futures[:, None], others[None]
+        apart = swept_separation(
+            (candidates[..., :-1, :], other[..., :-1, :]), (candidates[..., 1:, :], other[..., 1:, :])
+        )
         least = apart.min(axis=(1, 2))
         free = np.flatnonzero(least >= self.pilots.game.settings.least_distance + self.pilots.yield_margin)
         return int(free[0] if len(free) else least.argmax())

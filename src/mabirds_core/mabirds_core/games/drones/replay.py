@@ -35,10 +35,10 @@ class Replay:
         """The replay with those ``observed`` that it lacks: a learner's window shows each of them many times."""
         if observed is None:
             return self
-        known, fresh = set(_keys(self.demonstrations)), np.zeros(len(observed.states), dtype=bool)
+        keys, fresh = set(_keys(self.demonstrations)), np.zeros(len(observed.states), dtype=bool)
         for number, key in enumerate(_keys(observed)):
-            fresh[number] = key not in known
-            known.add(key)
+            fresh[number] = key not in keys
+            keys.add(key)
         new = Trajectories(observed.states[fresh], observed.actions[fresh])
         return Replay(self.rollouts, _newest(_joined(self.demonstrations, new), capacity))
 
@@ -47,9 +47,9 @@ class Replay:
         length = self.rollouts.states.shape[1]
         rolled, shown = (len(part.states) * length for part in (self.rollouts, self.demonstrations))
         of_experts = round(share * batch) if shown else 0
-        own = rng.integers(rolled, size=(steps, batch - of_experts))
-        others = rng.integers(rolled, rolled + max(shown, 1), size=(steps, of_experts))
-        return np.concatenate([own, others], axis=1)
+        rolled_out = rng.integers(rolled, size=(steps, batch - of_experts))
+        demonstrated = rng.integers(rolled, rolled + max(shown, 1), size=(steps, of_experts))
+        return np.concatenate([rolled_out, demonstrated], axis=1)
 
     @property
     def transitions(self) -> tuple[Array, Array]:

@@ -75,8 +75,8 @@ class NeuralDroneReward:
         import torch
 
         places = self._scaled(states[..., None, :2])
-        own = torch.tensor(theta.reshape(self.game.n_experts, -1)[drone])
-        return np.asarray(self._rewards(own, places)[..., 0])
+        parameters = torch.tensor(theta.reshape(self.game.n_experts, -1)[drone])
+        return np.asarray(self._rewards(parameters, places)[..., 0])
 
     def pairwise(self, theta: Vector, pair: int, distances: Array) -> Array:  # noqa: ARG002 - each drone has its own
         """No cost of distances."""

@@ -206,8 +206,8 @@ class SacPlanner:
 
     def _rewards(self, theta: Vector, omega: Vector, states: Array, actions: Array) -> Vector:
         """r(s, a), shape (M,)."""
-        own = total_reward(self.game.space, self.reward_model, theta, states, actions)
-        return own + total_reward(self.game.space, self.game.cost_features, omega, states, actions)
+        rewards = total_reward(self.game.space, self.reward_model, theta, states, actions)
+        return rewards + total_reward(self.game.space, self.game.cost_features, omega, states, actions)
 
     def _step(self, networks: Networks, learned: ActorCritic, batch: Minibatch, rate: float) -> ActorCritic:
         """One step of the critics, then one of the actor, then the targets follow."""

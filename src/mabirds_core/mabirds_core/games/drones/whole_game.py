@@ -54,8 +54,8 @@ class WholeDroneGame(DroneGame):
         if isinstance(planner, SoftActorCriticSettings) and suits_lattice(self):
             coarse = LatticeSettings(kind="lattice", spacing=EVAL_SPACING, temperature=planner.temperature)
             return build_lattice(coarse, self, reward)
-        own: Planner = build("mabirds.planners", planner, self, reward)
-        return own
+        learned: Planner = build("mabirds.planners", planner, self, reward)
+        return learned
 
     def experts(self, kind: str, side: str) -> Experts:  # noqa: ARG002 - there is no other
         """Pilots, who pass obstacles on ``side``."""

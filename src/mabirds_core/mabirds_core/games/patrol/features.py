@@ -75,7 +75,7 @@ class PatrolRewardFeatures:
         grid, (states, actions, weights) = self._grid, visitation
         pairs = grid.cells(states) * N_MOVES + grid.moves(actions)
         size = grid.n_cells * N_MOVES
-        return np.concatenate([weighted_counts(own, weights, size) for own in pairs])
+        return np.concatenate([weighted_counts(pairs_of_expert, weights, size) for pairs_of_expert in pairs])
 
     def table(self, weights: Vector) -> Array:
         """Sum of the experts' weights at every joint (s, a), shape (S, A)."""
