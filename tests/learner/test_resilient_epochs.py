@@ -111,6 +111,20 @@ def test_who_departed_comes_back_as_a_late_joiner(ring: Experiment) -> None:
     assert (session.member.joining, session.iteration) == (False, 2)
 
 
+def test_who_departed_waits_for_nobody_else_than_a_declaration(ring: Experiment) -> None:
+    member = push_sum_session(ring, "learner_4").member
+    member.follow(2, NAMES[:3])
+    member.give_up_waiting()
+    assert member.missing() == ["membership"]
+
+
+def test_a_late_joiner_that_the_first_declaration_leaves_out_has_departed(ring: Experiment) -> None:
+    session = push_sum_session(ring, "learner_4", late_joiner=True)
+    assert not session.member.departed
+    session.member.follow(1, NAMES[:3])
+    assert (session.epoch, session.member.departed, session.finished) == (1, True, True)
+
+
 def test_after_the_last_update_nothing_is_given_or_waited_for(ring: Experiment, streams: Streams) -> None:
     session = LearnerSession(PushSumMember(build_learner(ring, "learner_1"), Limits(1, 256, 64, closing_rounds=1)))
     session.receive_demonstration(1, streams["learner_1"][0])
