@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mabirds_core.digest import digest
+from mabirds_core.digest import digest, trajectory_digest, versioned_digest
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 leaves = st.none() | st.booleans() | st.integers() | finite | st.text()
@@ -30,3 +30,13 @@ def test_digests_differ_if_and_only_if_the_contents_do(one: list[int], other: li
 def test_a_number_that_json_lacks_is_refused(value: float) -> None:
     with pytest.raises(ValueError, match="not JSON compliant"):
         digest({"x": value})
+
+
+def test_a_versioned_digest_says_its_format_first() -> None:
+    assert versioned_digest([1]) == f"v2-{digest([1])}"
+
+
+def test_what_decides_trajectories_is_in_their_digest() -> None:
+    """Bags hold it: a recorded value, so that no change of code goes unnoticed."""
+    content = b'{"dynamics":{"moves":4},"game":"patrol","horizon":7}'
+    assert trajectory_digest("patrol", {"moves": 4}, 7) == f"v2-{hashlib.sha256(content).hexdigest()}"

@@ -1,14 +1,22 @@
 """Kinds from packages that are sound, broken, rivals, or not there."""
 
 from collections.abc import Callable, Iterator
+from importlib.metadata import EntryPoint
 from pathlib import Path
+from typing import Any, Literal
 
 import pytest
 from experiments import changed
+from pydantic import TypeAdapter, ValidationError
 
+from mabirds_core import registry
+from mabirds_core.consensus.generators import alternating_ring
+from mabirds_core.consensus.schedule_settings import AlternatingSchedule
+from mabirds_core.consensus.strict import StrictMixer, StrictMixing
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.file import Experiment
-from mabirds_core.registry import GROUPS, kinds, offers, require
+from mabirds_core.registry import GROUPS, Kind, build, kind_of, kinds, offers, require, union
+from mabirds_core.settings import Settings
 
 PLANNERS = "mabirds.planners"
 Install = Callable[..., None]
@@ -61,8 +69,9 @@ def test_a_kind_of_another_package_is_there_with_its_origin(install: Install) ->
         (":OTHER", SOUND, "cannot load .* (AttributeError:"),
         (":WORD", SOUND, "is str, expected a Kind"),
         (":NAMELESS", SOUND, "expected a field kind: Literal['sound'] in Settings"),
+        (":SOUND", SOUND.replace('"sound"', '"quiet"'), "expected a field kind: Literal['sound'] in Sound"),
     ],
-    ids=["library", "raises", "name", "word", "nameless"],
+    ids=["library", "raises", "name", "word", "nameless", "misnamed"],
 )
 def test_a_broken_package_is_named_and_the_others_go_on(
     install: Install, request: pytest.FixtureRequest, target: str, source: str, problem: str
@@ -95,6 +104,77 @@ def test_a_package_may_not_take_a_name_of_ours(install: Install) -> None:
 def test_a_name_that_nobody_brings_is_refused_with_those_there_are() -> None:
     with pytest.raises(ExperimentError, match="'magic' is none of the planners .*'lattice'.*install the package"):
         require(PLANNERS, "magic")
+    with pytest.raises(ExperimentError) as caught:
+        require("mabirds.mixers", "loud")
+    assert str(caught.value) == (
+        "'loud' is none of the mixers ['resilient', 'strict']; install the package that brings it"
+        " (`mabirds kinds` lists what there is)"
+    )
+
+
+def test_an_entry_point_of_no_package_has_an_unknown_origin() -> None:
+    point = EntryPoint("strict", "mabirds_core.consensus.kinds:STRICT", "mabirds.mixers")
+    offer = registry._offer(point, [point])
+    assert (offer.package, offer.version, offer.problem) == ("?", "?", "")
+    assert (offer.group, offer.name, offer.target) == (point.group, point.name, point.value)
+    assert offer.kind is require("mabirds.mixers", "strict")
+
+
+def test_groups_are_told_to_users_by_what_they_hold() -> None:
+    held = ["games", "rewards", "planners", "methods", "schedules", "mixers", "step rules"]
+    assert dict(GROUPS) == {f"mabirds.{name.replace(' ', '_')}": name for name in held}
+
+
+def test_settings_are_built_by_their_own_kind() -> None:
+    names = ("a", "b", "c")
+    settings = AlternatingSchedule(kind="alternating")
+    assert kind_of("mabirds.schedules", settings) is require("mabirds.schedules", "alternating")
+    assert build("mabirds.schedules", settings, names) == alternating_ring(names)
+    schedule = alternating_ring(names)
+    assert build("mabirds.mixers", StrictMixing(), "b", schedule) == StrictMixer("b", schedule)
+
+
+class Plain(Settings):
+    """Settings of one kind."""
+
+    kind: Literal["plain"] = "plain"
+
+
+class Fancy(Settings):
+    """Settings of another."""
+
+    kind: Literal["fancy"] = "fancy"
+
+
+def union_of(monkeypatch: pytest.MonkeyPatch, *models: type[Settings], default: type[Settings] | None = None) -> Any:
+    """The union of a group that has these kinds."""
+    names = {Plain: "plain", Fancy: "fancy"}
+    group = {names[model]: Kind(model, lambda settings: None, default=model is default) for model in models}
+    monkeypatch.setattr(registry, "kinds", lambda _group: group)
+    return union("mabirds.any")
+
+
+def test_a_single_kind_needs_no_tag(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert union_of(monkeypatch, Plain) is Plain
+    assert union_of(monkeypatch, Plain, default=Plain) is Plain
+
+
+def test_of_several_kinds_the_name_decides(monkeypatch: pytest.MonkeyPatch) -> None:
+    adapter = TypeAdapter(union_of(monkeypatch, Plain, Fancy))
+    assert adapter.validate_python({"kind": "fancy"}) == Fancy()
+    assert adapter.validate_python(Plain()) == Plain()
+    with pytest.raises(ValidationError, match="Unable to extract tag using discriminator 'kind'"):
+        adapter.validate_python({})
+
+
+def test_without_a_name_the_default_kind_is_meant(monkeypatch: pytest.MonkeyPatch) -> None:
+    adapter = TypeAdapter(union_of(monkeypatch, Plain, Fancy, default=Fancy))
+    assert adapter.validate_python({}) == Fancy()
+    assert adapter.validate_python({"kind": "plain"}) == Plain()
+    for settings in (Plain(), Fancy()):
+        assert adapter.validate_python(settings) is settings
+    with pytest.raises(ValidationError, match="does not match any of the expected tags"):
+        adapter.validate_python({"kind": "loud"})
 
 
 @pytest.mark.parametrize("group", GROUPS)

@@ -1,5 +1,6 @@
 """Checkpoints: whole or refused by name, of the right learner and run, and never half written."""
 
+import fcntl
 import os
 import signal
 import stat
@@ -226,6 +227,37 @@ def test_two_processes_cannot_share_a_directory(directory: Path) -> None:
         reopened(directory)
     first.close()
     reopened(directory)
+
+
+def test_the_lock_is_the_file_that_other_versions_lock(tmp_path: Path) -> None:
+    descriptor = os.open(tmp_path / "lock", os.O_WRONLY | os.O_CREAT)
+    fcntl.flock(descriptor, fcntl.LOCK_EX)
+    with pytest.raises(CheckpointError, match="another process writes its checkpoints here"):
+        reopened(tmp_path)
+    os.close(descriptor)
+    reopened(tmp_path)
+
+
+def test_what_a_killed_process_left_unfinished_is_removed(directory: Path) -> None:
+    (directory / "00000007.unfinished").write_bytes(b"half of it")
+    (directory / "notes.txt").touch()
+    reopened(directory)
+    assert not (directory / "00000007.unfinished").exists()
+    assert (directory / "notes.txt").exists()
+
+
+def test_they_come_in_the_order_of_iterations_whatever_their_files_names(tmp_path: Path) -> None:
+    store = reopened(tmp_path)
+    for iteration in (99_999_999, 100_000_000):
+        store.save(iteration, arrays(iteration))
+    assert list(store.load()) == [99_999_999, 100_000_000]
+
+
+def test_where_none_is_sound_the_newest_is_named(directory: Path) -> None:
+    for number in (3, 4, 5, 6):
+        cut_short(directory / f"0000000{number}.safetensors")
+    with pytest.raises(CheckpointError, match=r"no checkpoint can be used \(00000006.safetensors: is no whole"):
+        reopened(directory).load()
 
 
 def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:

@@ -58,6 +58,11 @@ def test_an_old_one_is_old_whatever_is_known_of_it() -> None:
     assert refused.value.reason == "old_iteration"
 
 
+def test_one_too_far_ahead_is_told_where_that_begins() -> None:
+    with pytest.raises(RefusedMessageError, match="iteration 8, expected less than 8$"):
+        check_iteration(8, 5, KNOWN, 3, KEPT)
+
+
 def test_demonstrations_are_the_same_where_states_and_actions_are() -> None:
     states, actions = np.array([[1, 2]]), np.array([[0, 3]])
     known = {1: Trajectories(states, actions)}

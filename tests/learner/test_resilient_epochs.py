@@ -1,5 +1,6 @@
 """Who takes part in a resilient exchange: founders, late joiners, those who depart and return, and their epochs."""
 
+import numpy as np
 import pytest
 from sessions import Streams, push_sum_session, some_sum
 
@@ -109,6 +110,30 @@ def test_who_departed_comes_back_as_a_late_joiner(ring: Experiment) -> None:
     assert session.member.metrics() == {"weight": 0.0, "initial_weight": 0.0}
     session.member.receive_mass("learner_1", 3, 2, some_sum(session))
     assert (session.member.joining, session.iteration) == (False, 2)
+
+
+def test_a_neighbour_that_never_got_a_share_hears_of_the_iteration_by_a_sum_of_nothing(ring: Experiment) -> None:
+    member = push_sum_session(ring, "learner_1").member
+    given = member.push_sum.sent["learner_4"]
+    member.state = member.state._replace(mixing=member.push_sum._replace(sent={"learner_4": given}))
+    outgoing = member.outgoing()
+    assert list(outgoing) == ["learner_2", "learner_4"]
+    assert outgoing["learner_4"] is given
+    np.testing.assert_array_equal(np.stack(outgoing["learner_2"]), np.zeros((2, member.push_sum.mass.size)))
+
+
+def test_who_departed_waits_for_nobody_else_than_a_declaration(ring: Experiment) -> None:
+    member = push_sum_session(ring, "learner_4").member
+    member.follow(2, NAMES[:3])
+    member.give_up_waiting()
+    assert member.missing() == ["membership"]
+
+
+def test_a_late_joiner_that_the_first_declaration_leaves_out_has_departed(ring: Experiment) -> None:
+    session = push_sum_session(ring, "learner_4", late_joiner=True)
+    assert not session.member.departed
+    session.member.follow(1, NAMES[:3])
+    assert (session.epoch, session.member.departed, session.finished) == (1, True, True)
 
 
 def test_after_the_last_update_nothing_is_given_or_waited_for(ring: Experiment, streams: Streams) -> None:

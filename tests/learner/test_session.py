@@ -68,7 +68,7 @@ def test_any_order_of_arrival_gives_the_same_bits(experiment: Experiment, seed: 
 
 def test_it_waits_for_demonstration_and_neighbour_by_name(experiment: Experiment) -> None:
     target, (first, second, *_) = session(experiment), list(messages(experiment))
-    assert target.waiting_for() == [DEMONSTRATION, "learner_2"]
+    assert target.waiting_for() == ["demonstration", "learner_2"], "words that a status shows"
     deliver(target, *first)
     assert target.waiting_for() == ["learner_2"]
     assert not target.ready
@@ -289,3 +289,23 @@ def test_what_served_an_update_is_dropped(experiment: Experiment) -> None:
     assert (target.backlog, target.lag) == (2, 0)
     target.step()
     assert (target.backlog, target.lag, target.waiting_for()) == (1, 0, ["learner_2"])
+
+
+def test_a_strict_member_follows_no_membership_and_has_nothing_to_keep(experiment: Experiment) -> None:
+    member = session(experiment).member
+    assert (member.epoch, member.departed, member.metrics(), member.arrays()) == (0, False, {}, {})
+
+
+def test_a_checkpoint_is_the_state_and_whose_parameters_entered_it(experiment: Experiment) -> None:
+    """By the names that earlier versions wrote."""
+    target, again = session(experiment), session(experiment)
+    for message in list(messages(experiment))[:2]:
+        deliver(target, *message)
+    target.step()
+    arrays = target.arrays()
+    assert set(arrays) == {"theta", "omega", "mixed_from"}
+    assert arrays["mixed_from"].tolist() == [1.0]
+    again.restore({2: arrays})
+    assert (again.iteration, again.mixed_from) == (2, ["learner_2"])
+    assert again.member.state.iteration == 2
+    assert again.parameters.theta.tobytes() == target.parameters.theta.tobytes()

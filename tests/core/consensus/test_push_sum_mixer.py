@@ -6,12 +6,15 @@ from itertools import permutations
 import numpy as np
 import pytest
 from experiments import demonstrations, experiment
+from pydantic import ValidationError
 
 from mabirds_core.algorithm.learner import Learner, LearnerState
 from mabirds_core.algorithm.parameters import Parameters
-from mabirds_core.arrays import Vector
+from mabirds_core.arrays import Array, Vector
 from mabirds_core.consensus.push_sum import PushSumState, RunningSum
-from mabirds_core.consensus.push_sum_mixer import PushSumMixer
+from mabirds_core.consensus.push_sum_mixer import PushSumMixer, ResilientMixing
+from mabirds_core.consensus.schedule import EdgeSchedule, both_ways
+from mabirds_core.errors import CheckpointError
 from mabirds_core.experiment.assembly import build_learner
 
 MIN_WEIGHT = 0.25
@@ -142,3 +145,99 @@ def test_what_arrived_is_added_in_the_order_of_names() -> None:
         found = MIXER.incoming(state, 1, {name: sums[name] for name in order})
         assert found.mass[0] == ((1.0 + 1e16) - 1e16) + 3.0
         assert found.received == sums
+
+
+def test_after_a_step_the_shares_of_the_next_iteration_are_sent() -> None:
+    """Pairs with b, c and d in turn: what leaves after iteration n is for the neighbour of n + 1."""
+    slots = tuple(both_ways([(0, other)]) for other in (1, 2, 3))
+    mixer = PushSumMixer("a", EdgeSchedule(tuple("abcd"), slots), SMALLEST)
+    state = mixer.initial(parameters())
+    assert list(state.sent) == ["b"]
+    for n, neighbours in ((1, ["b", "c"]), (2, ["b", "c", "d"])):
+        state = mixer.mix(state, n, None)
+        assert list(state.sent) == neighbours
+
+
+def test_after_the_end_of_a_schedule_that_stops_nothing_is_sent() -> None:
+    mixer = PushSumMixer("a", EdgeSchedule(("a", "b"), (both_ways([(0, 1)]),), end="stop"), SMALLEST)
+    state = mixer.initial(parameters())
+    after = mixer.mix(state, 1, None)
+    assert after.sent == state.sent
+    assert after.weight == 1 / 2
+
+
+STATE = PushSumState(
+    np.array([1.0, 2.0, 3.0, 0.5]),
+    {"bob": RunningSum(np.array([4.0, 5.0, 6.0, 7.0]), np.array([0.1, 0.2, 0.3, 0.4]))},
+    {"dee": RunningSum(np.array([8.0, 9.0, 10.0, 11.0]), np.zeros(4)), "cid": RunningSum.zero(4)},
+    Parameters(np.array([2.0, 4.0]), np.array([6.0])),
+)
+"""Two numbers of theta, one of omega, and the weight."""
+
+
+def test_a_checkpoint_holds_the_masses_by_the_names_that_earlier_versions_wrote() -> None:
+    arrays = MIXER.to_arrays(STATE)
+    assert {name: values.tolist() for name, values in arrays.items()} == {
+        "mass": [1.0, 2.0, 3.0, 0.5],
+        "mass.given.bob": [[4.0, 5.0, 6.0, 7.0], [0.1, 0.2, 0.3, 0.4]],
+        "mass.taken.dee": [[8.0, 9.0, 10.0, 11.0], [0.0, 0.0, 0.0, 0.0]],
+        "mass.taken.cid": [[0.0] * 4, [0.0] * 4],
+    }
+
+
+def test_the_state_comes_back_from_a_checkpoint_that_holds_other_arrays_as_well() -> None:
+    others = {"theta": np.zeros(2), "omega": np.zeros(1), "epoch": np.full(3, np.nan), "masses": np.zeros(9)}
+    again = MIXER.from_arrays(STATE.parameters, {**others, **MIXER.to_arrays(STATE)})
+    assert again.mass.tolist() == STATE.mass.tolist()
+    assert again.parameters == STATE.parameters
+    for found, expected in ((again.sent, STATE.sent), (again.received, STATE.received)):
+        assert {name: np.stack(total).tolist() for name, total in found.items()} == {
+            name: np.stack(total).tolist() for name, total in expected.items()
+        }
+
+
+def test_a_checkpoint_without_masses_gives_none() -> None:
+    again = MIXER.from_arrays(STATE.parameters, {"epoch": np.zeros(3)})
+    assert (again.mass.tolist(), again.sent, again.received) == ([0.0] * 4, {}, {})
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("mass", np.zeros(3)),
+        ("mass", np.zeros(5)),
+        ("mass", np.zeros((2, 4))),
+        ("mass", np.array([1.0, np.inf, 1.0, 1.0])),
+        ("mass.given.bob", np.zeros(4)),
+        ("mass.given.bob", np.zeros((1, 4))),
+        ("mass.given.bob", np.zeros((3, 4))),
+        ("mass.given.bob", np.zeros((2, 3))),
+        ("mass.taken.dee", np.full((2, 4), np.nan)),
+        ("mass.taken.dee", np.zeros((4, 2))),
+    ],
+)
+def test_masses_that_do_not_fit_the_parameters_are_refused_by_name(name: str, values: Array) -> None:
+    with pytest.raises(CheckpointError, match=f"^{name}: expected finite numbers, 4 in a row"):
+        MIXER.from_arrays(STATE.parameters, {**MIXER.to_arrays(STATE), name: values})
+
+
+def test_its_settings_build_it_and_say_that_members_may_depart() -> None:
+    settings = ResilientMixing(kind="resilient")
+    assert (settings.patience, settings.smallest_weight, settings.declares_members) == (1.0, 0.1, True)
+    chosen = ResilientMixing(kind="resilient", smallest_weight=0.25)
+    assert chosen.mixer("bob", MIXER.schedule) == PushSumMixer("bob", MIXER.schedule, 0.25)
+
+
+@pytest.mark.parametrize(
+    ("name", "fitting", "refused"),
+    [
+        ("patience", [1e-9, 0.5, 3600.0], [0.0, -0.5, 3600.5]),
+        ("smallest_weight", [1e-9, 0.5, 0.999], [0.0, -0.5, 1.0, 1.5]),
+    ],
+)
+def test_its_settings_have_limits(name: str, fitting: list[float], refused: list[float]) -> None:
+    for value in fitting:
+        assert getattr(ResilientMixing.model_validate({"kind": "resilient", name: value}), name) == value
+    for value in refused:
+        with pytest.raises(ValidationError, match=name):
+            ResilientMixing.model_validate({"kind": "resilient", name: value})
