@@ -70,7 +70,7 @@ class Experiment(Settings):
 
     name: str = Field(pattern=r"^[a-z0-9][a-z0-9_-]*$")
     game: GameSettings
-    algorithm: AlgorithmSettings
+    algorithm: AlgorithmSettings = AlgorithmSettings()
     learners: tuple[LearnerName, ...] = Field(min_length=1, max_length=1000)
     schedule: ScheduleSettings
     mixing: MixingSettings = Field(StrictMixing(), description="strict, or resilient to loss")

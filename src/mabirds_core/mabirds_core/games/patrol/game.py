@@ -20,7 +20,6 @@ from mabirds_core.games.patrol.features import PatrolCostFeatures, PatrolRewardF
 from mabirds_core.games.patrol.geometry import MOVE_NAMES, N_MOVES, PatrolGrid
 from mabirds_core.games.patrol.neutral import ExpertMoves
 from mabirds_core.games.patrol.settings import PatrolSettings
-from mabirds_core.games.tabular.constraint_test import Shown
 from mabirds_core.games.tabular.decoding import whole_numbers
 from mabirds_core.games.tabular.game import EnumerableGame
 
@@ -114,7 +113,7 @@ class PatrolGame(EnumerableGame):
         weights = self.settings.start_probabilities or [1 / len(starts)] * len(starts)
         return weighted_counts(states, np.asarray(weights) / sum(weights), self.n_states)
 
-    def neutral_change(self, rewards: Vector, omega: Vector, shown: Shown, feature: int) -> Parameters | None:
+    def neutral_change(self, rewards: Vector, omega: Vector, expected: Vector, feature: int) -> Parameters | None:
         """A cell that ordinary moves lead into and out of (``neutral``); sharing and swapping that cost nothing."""
         costs, n = np.zeros_like(omega), self.n_cells
         expert, cell = divmod(feature, n)
@@ -126,7 +125,7 @@ class PatrolGame(EnumerableGame):
             self.expert_successor[expert],
             int(self.goals[expert]),
             by_expert[expert] + omega[expert * n : (expert + 1) * n, None],
-            shown.reward.reshape(by_expert.shape)[expert],
+            expected.reshape(by_expert.shape)[expert],
             self.discount,
         )
         change = moves.neutral_change(cell)

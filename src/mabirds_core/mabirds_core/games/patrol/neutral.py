@@ -1,12 +1,12 @@
-"""What a cell would be worth to a patroller if it were like the cells that were shown.
+"""What a cell would be worth to a patroller if it were like the cells where the policy goes.
 
 A potential moves reward from one place to another and changes no policy of an endless game (Ng, Harada and Russell,
 1999), so that the learned weights of single cells say little. What they say beyond a potential is taken from the moves
-that were demonstrated: with r(c, a) the learned reward of move a in cell c, which leads to c', least squares over
+that the learned policy makes: with r(c, a) the learned reward of move a in cell c, which leads to c', least squares of
 
     r(c, a) + gamma Phi(c') - Phi(c) = rho,        Phi(goal) = 0,
 
-weighed by how often each move was shown, find the potential Phi of every cell and the reward rho of an ordinary move.
+weighed by how often it makes each move, find the potential Phi of every cell and the reward rho of an ordinary move.
 A neutral cell is one that ordinary moves lead into and out of: r(c, a) = rho + Phi(c) - gamma Phi(c').
 """
 
@@ -20,7 +20,7 @@ from mabirds_core.games.patrol.geometry import N_MOVES
 
 @dataclass(frozen=True)
 class ExpertMoves:
-    """One expert's moves: what they are worth as learned, and how often they were shown.
+    """One expert's moves: what they are worth as learned, and how often the learned policy makes them.
 
     Attributes
     ----------
@@ -30,8 +30,8 @@ class ExpertMoves:
         The cell where the expert stays.
     rewards : Array
         r(c, a), shape (n, 4).
-    shown : Array
-        How often each move was shown, discounted, shape (n, 4).
+    made : Array
+        How often each move is made, discounted, shape (n, 4).
     discount : float
         gamma.
     """
@@ -39,13 +39,13 @@ class ExpertMoves:
     successor: Indices
     goal: int
     rewards: Array
-    shown: Array
+    made: Array
     discount: float
 
     @property
     def visited(self) -> Mask:
-        """Cells where the expert was, shape (n,)."""
-        return np.asarray(self.shown.sum(axis=1) > 0)
+        """Cells where the policy goes, shape (n,)."""
+        return np.asarray(self.made.sum(axis=1) > 0)
 
     def neighbours(self, cell: int) -> list[tuple[int, int]]:
         """Moves (c, a) that lead into ``cell`` from visited cells other than the goal."""
@@ -54,21 +54,21 @@ class ExpertMoves:
         return [(int(c), int(a)) for c, a in np.argwhere(into)]
 
     def ordinary(self) -> tuple[Vector, float]:
-        """Phi, shape (n,), and rho; of smallest norm where the moves shown leave a choice."""
-        shown = self.shown.copy()
-        shown[self.goal] = 0.0
-        cells, moves = np.nonzero(shown)
-        rows, n = np.arange(len(cells)), len(shown)
+        """Phi, shape (n,), and rho; of smallest norm where the moves made leave a choice."""
+        made = self.made.copy()
+        made[self.goal] = 0.0
+        cells, moves = np.nonzero(made)
+        rows, n = np.arange(len(cells)), len(made)
         system = np.zeros((len(cells), n + 1))
         np.add.at(system, (rows, cells), 1.0)
         np.add.at(system, (rows, self.successor[cells, moves]), -self.discount)
         system[:, self.goal], system[:, n] = 0.0, 1.0
-        weight = np.sqrt(shown[cells, moves])
+        weight = np.sqrt(made[cells, moves])
         solution = np.linalg.lstsq(system * weight[:, None], self.rewards[cells, moves] * weight, rcond=1e-10)[0]
         return np.asarray(solution[:n], dtype=np.float64), float(solution[n])
 
     def neutral_change(self, cell: int) -> Array | None:
-        """What makes ``cell`` neutral, added to r(c, a), shape (n, 4); None where no shown way passes beside it."""
+        """What makes ``cell`` neutral, added to r(c, a), shape (n, 4); None where no way passes beside it."""
         neighbours = self.neighbours(cell)
         if not neighbours:
             return None

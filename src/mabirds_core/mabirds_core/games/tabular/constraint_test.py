@@ -1,49 +1,39 @@
 """Which cost features are constraints, with what confidence: a counterfactual test.
 
-A feature that some demonstration had is no constraint. Of any other feature k the question is whether the
-demonstrations would have had it if it were as good as what they show:
+A feature that one of a learner's demonstrations had is no constraint. Of any other feature k the question is whether
+trajectories would have had it if it were as good as what experts do:
 
     p_k = P(a trajectory has feature k | the learned reward with k made neutral)
     confidence = 1 - (1 - p_k)^N              for N demonstrations that never had it
 
 It is a constraint at confidence q where the confidence is at least q. Else it is undetermined: so few ways would have
-led there anyway that N demonstrations cannot tell. What neutral means is the game's to say (``neutral_change``).
+led there anyway that N demonstrations cannot tell. What neutral means is the game's to say (``neutral_change``), by
+what the learned policy does, so that learners who agree on theta and omega agree on p_k, whoever saw what.
 p_k is a matter of policies alone: parameters that mean the same policies give the same p_k, which -omega does not.
 """
 
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Array, Mask, Vector, weighted_counts
-from mabirds_core.games.interface import TabularGame
+from mabirds_core.games.interface import TabularGame, Trajectories, Visitation, discounted_visitation
+from mabirds_core.planners.occupancy import discounted_steps, occupancy_measure
+from mabirds_core.planners.soft_bellman import soft_bellman_policy
 from mabirds_core.rewards.models import TabularRewardModel
+
+SELDOM = 0.01
+"""Discounted visits of the learned policy that do not count: leaks into what it is to avoid."""
 
 USED = -1.0
 """Confidence of a feature that a demonstration had: it is no constraint."""
 
 
-class Shown(NamedTuple):
-    """What demonstrations have shown.
-
-    Attributes
-    ----------
-    demonstrations : int
-        N.
-    reward, cost : Vector
-        Discounted counts of the reward features, shape (K_f,), and of the cost features, shape (K,).
-    """
-
-    demonstrations: int
-    reward: Vector
-    cost: Vector
-
-
 class NeutralGame(TabularGame, Protocol):
     """A tabular game that can make a cost feature neutral."""
 
-    def neutral_change(self, rewards: Vector, omega: Vector, shown: Shown, feature: int) -> Parameters | None:
+    def neutral_change(self, rewards: Vector, omega: Vector, expected: Vector, feature: int) -> Parameters | None:
         """What makes cost feature ``feature`` neutral.
 
         Parameters
@@ -52,22 +42,22 @@ class NeutralGame(TabularGame, Protocol):
             Weights of the reward features, shape (K_f,).
         omega : Vector
             Cost weights, shape (K,).
-        shown : Shown
-            What was demonstrated.
+        expected : Vector
+            Discounted counts of the reward features under the learned policy, shape (K_f,); 0 where it seldom goes.
         feature : int
             k.
 
         Returns
         -------
         Parameters or None
-            Changes of the reward features' weights and of omega; None where no demonstration came near the feature,
+            Changes of the reward features' weights and of omega; None where the policy comes not near the feature,
             so that nothing can be said of it.
         """
         ...
 
 
 def constraint_confidences(
-    game: NeutralGame, reward: TabularRewardModel, parameters: Parameters, shown: Shown
+    game: NeutralGame, reward: TabularRewardModel, parameters: Parameters, demonstrations: Trajectories
 ) -> Vector:
     """Confidence that each cost feature is a constraint.
 
@@ -79,8 +69,8 @@ def constraint_confidences(
         r_theta.
     parameters : Parameters
         theta and omega as learned.
-    shown : Shown
-        Demonstrations, at least one.
+    demonstrations : Trajectories
+        A learner's own, at least one.
 
     Returns
     -------
@@ -88,13 +78,24 @@ def constraint_confidences(
         Shape (K,): in [0, 1], or USED.
     """
     table = reward.table(parameters.theta) + game.cost_features.table(parameters.omega)
-    weights = reward.weights(parameters.theta) if hasattr(reward, "weights") else np.zeros(len(shown.reward))
-    confidences = np.full(len(shown.cost), USED)
-    for feature in np.flatnonzero(shown.cost <= 0):
-        change = game.neutral_change(weights, parameters.omega, shown, int(feature))
+    expected = _expected_counts(game, table)
+    weights = reward.weights(parameters.theta) if hasattr(reward, "weights") else np.zeros(len(expected))
+    used = game.cost_features.total(discounted_visitation(demonstrations, game.discount)) > 0
+    confidences = np.full(len(used), USED)
+    for feature in np.flatnonzero(~used):
+        change = game.neutral_change(weights, parameters.omega, expected, int(feature))
         chance = 0.0 if change is None else _chance(game, table, change, int(feature))
-        confidences[feature] = 1 - (1 - chance) ** shown.demonstrations
+        confidences[feature] = 1 - (1 - chance) ** len(demonstrations.states)
     return confidences
+
+
+def _expected_counts(game: TabularGame, table: Array) -> Vector:
+    """E_pi sum gamma^t f of the reward features, shape (K_f,), and 0 below SELDOM."""
+    occupancy = occupancy_measure(game, soft_bellman_policy(game, table))
+    states, actions = np.nonzero(occupancy)
+    weights = discounted_steps(game) * occupancy[states, actions]
+    counts = game.reward_features.total(Visitation(states, actions, weights))
+    return np.where(counts >= SELDOM, counts, 0.0)
 
 
 def _chance(game: NeutralGame, table: Array, change: Parameters, feature: int) -> float:

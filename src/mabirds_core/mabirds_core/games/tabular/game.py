@@ -11,7 +11,7 @@ import numpy as np
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Vector
 from mabirds_core.games.interface import Experts, Learned, TabularGame
-from mabirds_core.games.tabular.constraint_test import NeutralGame, Shown
+from mabirds_core.games.tabular.constraint_test import NeutralGame
 from mabirds_core.games.tabular.experts import KINDS, TabularExperts
 from mabirds_core.games.tabular.judge import ExactJudge
 from mabirds_core.planners.interface import OccupancyEstimator
@@ -31,7 +31,7 @@ class EnumerableGame:
         """The judge of policies, by exact rates without sampling."""
         return ExactJudge(self)
 
-    def neutral_change(self, rewards: Vector, omega: Vector, shown: Shown, feature: int) -> Parameters | None:  # noqa: ARG002
+    def neutral_change(self, rewards: Vector, omega: Vector, expected: Vector, feature: int) -> Parameters | None:  # noqa: ARG002
         """The feature costs nothing. Games whose rewards can say what the feature says should know better."""
         costs = np.zeros_like(omega)
         costs[feature] = -omega[feature]

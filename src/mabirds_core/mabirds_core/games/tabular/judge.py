@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Vector
-from mabirds_core.games.interface import ImitationMetrics, Trajectories, discounted_visitation
-from mabirds_core.games.tabular.constraint_test import NeutralGame, Shown, constraint_confidences
+from mabirds_core.games.interface import ImitationMetrics, Trajectories
+from mabirds_core.games.tabular.constraint_test import NeutralGame, constraint_confidences
 from mabirds_core.metrics.likelihood import log_likelihoods
 from mabirds_core.metrics.metrics import exact_imitation, policy_distance
 from mabirds_core.planners.interface import TabularPolicy
@@ -40,10 +40,4 @@ class ExactJudge:
         self, reward: TabularRewardModel, parameters: Parameters, demonstrations: Trajectories
     ) -> Vector:
         """By the counterfactual test."""
-        visitation = discounted_visitation(demonstrations, self.game.discount)
-        shown = Shown(
-            len(demonstrations.states),
-            self.game.reward_features.total(visitation),
-            self.game.cost_features.total(visitation),
-        )
-        return constraint_confidences(self.game, reward, parameters, shown)
+        return constraint_confidences(self.game, reward, parameters, demonstrations)
