@@ -150,7 +150,7 @@ def test_what_arrived_is_added_in_the_order_of_names() -> None:
 def test_after_a_step_the_shares_of_the_next_iteration_are_sent() -> None:
     """Pairs with b, c and d in turn: what leaves after iteration n is for the neighbour of n + 1."""
     slots = tuple(both_ways([(0, other)]) for other in (1, 2, 3))
-    mixer = PushSumMixer("a", EdgeSchedule(tuple("abcd"), slots), SMALLEST)
+    mixer = PushSumMixer("a", EdgeSchedule(tuple("abcd"), slots), MIN_WEIGHT)
     state = mixer.initial(parameters())
     assert list(state.sent) == ["b"]
     for n, neighbours in ((1, ["b", "c"]), (2, ["b", "c", "d"])):
@@ -159,7 +159,7 @@ def test_after_a_step_the_shares_of_the_next_iteration_are_sent() -> None:
 
 
 def test_after_the_end_of_a_schedule_that_stops_nothing_is_sent() -> None:
-    mixer = PushSumMixer("a", EdgeSchedule(("a", "b"), (both_ways([(0, 1)]),), end="stop"), SMALLEST)
+    mixer = PushSumMixer("a", EdgeSchedule(("a", "b"), (both_ways([(0, 1)]),), end="stop"), MIN_WEIGHT)
     state = mixer.initial(parameters())
     after = mixer.mix(state, 1, None)
     assert after.sent == state.sent
