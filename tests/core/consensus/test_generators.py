@@ -137,6 +137,13 @@ def test_an_experiment_may_not_run_past_a_schedule_that_stops() -> None:
         experiment({"schedule": schedule, "closing_rounds": 1})
 
 
+@pytest.mark.parametrize("end", ["repeat", "hold", "stop"])
+def test_an_experiment_says_what_follows_the_last_slot(end: str) -> None:
+    schedule = {"kind": "slots", "undirected": True, "slots": [[["ann", "bob"], ["bob", "cid"]]] * 12}
+    assert experiment({"schedule": {**schedule, "end": end}}).edge_schedule.end == end
+    assert experiment({"schedule": schedule}).edge_schedule.end == EdgeSchedule(NAMES, LINE).end == "repeat"
+
+
 def test_the_delivered_graph_is_what_learners_mixed() -> None:
     schedule = EdgeSchedule(NAMES, LINE)
     as_scheduled = {1: [["b"], ["a"], []], 2: [[], ["c"], ["b"]], 5: [["b"], ["a"], []]}
