@@ -55,6 +55,8 @@ class Kind:
     """Of planners: ``check(settings, game)`` raises ExperimentError where the two do not fit."""
     default: bool = False
     """Whether settings that name no kind are of this one."""
+    sample: Callable[..., Settings] | None = None
+    """Of games: ``sample(rng)`` draws settings at random, for benchmarks on games that nobody tuned for."""
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,7 @@
 """The entry point of the patrol game."""
 
+import numpy as np
+
 from mabirds_core.games.patrol.settings import PatrolSettings
 from mabirds_core.registry import Kind
 
@@ -11,4 +13,11 @@ def build_patrol(settings: PatrolSettings) -> object:
     return WholePatrolGame(settings)
 
 
-PATROL = Kind(PatrolSettings, build_patrol, form="tabular", default=True)
+def sample_patrol(rng: np.random.Generator) -> PatrolSettings:
+    """A random map with random tasks."""
+    from mabirds_core.games.patrol.random_maps import random_patrol  # needs networkx
+
+    return random_patrol(rng)
+
+
+PATROL = Kind(PatrolSettings, build_patrol, form="tabular", default=True, sample=sample_patrol)

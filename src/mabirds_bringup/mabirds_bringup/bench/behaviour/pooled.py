@@ -1,0 +1,62 @@
+"""The optimum of the pooled loss, by L-BFGS: what learning from all demonstrations at once comes to.
+
+    L(x) = E_{s_0 ~ demonstrations} V_0(s_0; x) - x^T (mean discounted feature counts),     x = (theta, omega)
+
+is the negative log likelihood of the demonstrations, convex in x; scipy's L-BFGS has no part in MA-BIRDS.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import minimize
+
+from mabirds_core.algorithm.parameters import Parameters
+from mabirds_core.arrays import Vector
+from mabirds_core.games.interface import TabularGame, Trajectories, Visitation, discounted_visitation
+from mabirds_core.metrics.likelihood import log_likelihoods
+from mabirds_core.planners.occupancy import discounted_steps, occupancy_measure
+from mabirds_core.planners.soft_bellman import SoftBellmanPolicy, soft_bellman_policy
+
+MAX_EVALUATIONS = 200
+
+
+class Optimum(NamedTuple):
+    """Held-out log likelihood, nats per demonstration: at the end, and the best on the way (early stopping)."""
+
+    final: float
+    best: float
+
+
+def pooled_optimum(game: TabularGame, demonstrations: Trajectories, held_out: Trajectories) -> Optimum:
+    """Minimise the pooled loss from zero; the likelihood of ``held_out`` is taken after every iteration."""
+    observed = _counts(game, discounted_visitation(demonstrations, game.discount))
+    starts = demonstrations.states[:, 0]
+    best = [-np.inf]
+
+    def loss(x: Vector) -> tuple[float, Vector]:
+        policy = policy_of(game, x)
+        occupancy = discounted_steps(game) * occupancy_measure(game, policy, starts)
+        states, actions = np.nonzero(occupancy)
+        expected = _counts(game, Visitation(states, actions, occupancy[states, actions]))
+        return float(policy.values[0][starts].mean() - x @ observed), expected - observed
+
+    def likelihood(x: Vector) -> float:
+        return float(log_likelihoods(game, policy_of(game, x), held_out).mean())
+
+    def on_iteration(x: Vector) -> None:
+        best[0] = max(best[0], likelihood(x))
+
+    options = {"maxfun": MAX_EVALUATIONS, "maxiter": MAX_EVALUATIONS}
+    end = minimize(loss, np.zeros(len(observed)), jac=True, method="L-BFGS-B", callback=on_iteration, options=options)
+    return Optimum(likelihood(end.x), best[0])
+
+
+def policy_of(game: TabularGame, x: Vector) -> SoftBellmanPolicy:
+    """The soft Bellman policy of linear theta and omega, one after the other in ``x``."""
+    size = len(game.reward_features.names)
+    theta, omega = Parameters(x[:size], x[size:])
+    return soft_bellman_policy(game, game.reward_features.table(theta) + game.cost_features.table(omega))
+
+
+def _counts(game: TabularGame, visitation: Visitation) -> Vector:
+    return np.concatenate([game.reward_features.total(visitation), game.cost_features.total(visitation)])

@@ -1,0 +1,117 @@
+"""One random problem learned by each method, and all measures of it."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from mabirds_bringup.bench.behaviour.counting import counting_scores
+from mabirds_bringup.bench.behaviour.draw import Draw, draw, with_paper_steps
+from mabirds_bringup.bench.behaviour.pooled import pooled_optimum
+from mabirds_core.algorithm.memory import stacked
+from mabirds_core.algorithm.parameters import Parameters
+from mabirds_core.arrays import Mask, Vector
+from mabirds_core.experiment.assembly import build_game, evaluation_policy, reward_of
+from mabirds_core.experiment.file import Experiment
+from mabirds_core.experiment.simulate import History, simulate, simulate_central
+from mabirds_core.games.interface import discounted_visitation
+from mabirds_core.games.tabular.decidable import touch_without
+from mabirds_core.metrics.constraints import by_threshold, constraint_errors, ranking_auc
+from mabirds_core.metrics.curves import LATE, late_mean, late_minimum
+from mabirds_core.metrics.likelihood import log_likelihoods
+
+DECIDABLE_AT = 0.99
+"""A constraint is decidable where experts without it would have been seen to touch it with this probability."""
+
+MABIRDS, PAPER, COUNTING = "MA-BIRDS", "paper's steps", "never visited"
+
+Row = dict[str, Any]
+
+
+def run_trial(seed: int, game_kind: str, methods: Sequence[str], demonstrations: int) -> list[Row]:
+    """One row per method and learner of the problem with this seed; ``methods``: central ones to run beside."""
+    problem = draw(seed, game_kind, demonstrations)
+    experiment, game = problem.experiment, build_game(problem.experiment)
+    optimum = pooled_optimum(game, problem.pooled, problem.held_out)
+    experts = game.experts("soft", "by_start").policy
+    common = {
+        "seed": seed,
+        "experts": game.n_experts,
+        "learners": len(experiment.learners),
+        "schedule": experiment.schedule.kind,
+        "pooled_nats": optimum.final,
+        "pooled_best_nats": optimum.best,
+        "expert_nats": float(log_likelihoods(game, experts, problem.held_out).mean()),
+    }
+    judged = _Judged(problem, game, experts, touch_without(game))
+    rows = [
+        *judged.rows(MABIRDS, experiment, simulate(experiment, problem.streams)),
+        *judged.rows(PAPER, with_paper_steps(experiment), simulate(with_paper_steps(experiment), problem.streams)),
+        *judged.counting(),
+    ]
+    for method in methods:
+        rows += judged.rows(method, experiment, simulate_central(experiment, method, problem.streams))
+    return [{**common, **row} for row in rows]
+
+
+class _Judged:
+    """Measures of one problem."""
+
+    def __init__(self, problem: Draw, game: Any, experts: Any, touch: Vector) -> None:
+        self._problem, self._game, self._experts, self._touch = problem, game, experts, touch
+
+    def rows(self, method: str, experiment: Experiment, history: History) -> Iterator[Row]:
+        """Of every learner, or of the central method."""
+        for name, parameters in history.items():
+            own = self._problem.streams.get(name)
+            shown = self._problem.pooled if own is None else stacked(own)
+            yield {
+                "method": method,
+                "learner": name,
+                **self._behaviour(experiment, name, parameters),
+                **self._constraints(experiment, name, parameters[-1], shown),
+            }
+
+    def counting(self) -> Iterator[Row]:
+        """The rule that learns nothing: what was never visited is forbidden, as often as one stood beside it."""
+        for name, stream in self._problem.streams.items():
+            scores = counting_scores(self._game, stacked(stream))
+            learned = scores >= self._problem.experiment.constraint_confidence
+            yield {"method": COUNTING, "learner": name, **self._errors(learned, scores, len(stream), learned & False)}
+
+    def _behaviour(self, experiment: Experiment, name: str, parameters: list[Parameters]) -> Row:
+        game, policy_of = self._game, evaluation_policy(experiment, name, self._game)
+        policies = [policy_of(step) for step in parameters[-LATE:]]
+        rates = [game.judge.imitation(policy, 0) for policy in policies]
+        success = [rate.success_rate for rate in rates]
+        return {
+            "success": success[-1],
+            "violation": rates[-1].violation_rate,
+            "late_mean": late_mean(success),
+            "late_minimum": late_minimum(success),
+            "nats": float(log_likelihoods(game, policies[-1], self._problem.held_out).mean()),
+            "occupancy_distance": game.judge.distance([policies[-1], self._experts], 0),
+        }
+
+    def _constraints(self, experiment: Experiment, name: str, parameters: Parameters, shown: Any) -> Row:
+        used = self._game.cost_features.total(discounted_visitation(shown, self._game.discount)) > 0
+        reward = reward_of(experiment, name, self._game)
+        if reward is None:
+            learned, scores = by_threshold(parameters.omega, experiment.constraint_threshold), -parameters.omega
+        else:
+            scores = self._game.judge.constraint_confidences(reward, parameters, shown)
+            learned = scores >= experiment.constraint_confidence
+        threshold = by_threshold(parameters.omega, experiment.constraint_threshold)
+        of_paper = constraint_errors(threshold, self._game.true_constraints)
+        errors = self._errors(learned, scores, len(shown.states), used)
+        return {**errors, "threshold_fdr": of_paper.false_discovery_rate, "threshold_fpr": of_paper.false_positive_rate}
+
+    def _errors(self, learned: Mask, scores: Vector, count: int, used: Mask) -> Row:
+        truth = self._game.true_constraints
+        decidable = truth & (1 - (1 - self._touch) ** count >= DECIDABLE_AT)
+        return {
+            "called": int(learned.sum()),
+            "false": int((learned & ~truth).sum()),
+            "called_used": int((learned & used).sum()),
+            "decidable": int(decidable.sum()),
+            "found": int((learned & decidable).sum()),
+            "auc": ranking_auc(scores, truth),
+        }
