@@ -43,11 +43,16 @@ class Request:
 
     def tell(self, content: dict[str, Any]) -> None:
         """Which targets are met, and where the report is."""
-        for target in content["targets"]:
-            console.print(
-                f"{'met   ' if target['met'] else 'MISSED'} {target['name']}: {target['value']:.4f}", soft_wrap=True
-            )
-        console.print(f"report in {self.directory / 'report.html'}", soft_wrap=True)
+        tell(content, self.directory)
+
+
+def tell(content: dict[str, Any], directory: Path) -> None:
+    """Which targets are met, and where the report is."""
+    for target in content["targets"]:
+        console.print(
+            f"{'met   ' if target['met'] else 'MISSED'} {target['name']}: {target['value']:.4f}", soft_wrap=True
+        )
+    console.print(f"report in {directory / 'report.html'}", soft_wrap=True)
 
 
 def command_line() -> str:

@@ -6,11 +6,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mabirds_core.algorithm.memory import stacked
-from mabirds_core.errors import InfeasibleError
+from mabirds_core.errors import ExperimentError, InfeasibleError
 from mabirds_core.experiment.assembly import build_game
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.games.interface import Trajectories
-from mabirds_core.registry import require
+from mabirds_core.registry import kinds, require
 
 PER_LEARNER, HELD_OUT = 40, 400
 """Demonstrations of each learner, and those that nobody learns from."""
@@ -54,6 +54,14 @@ class Draw(NamedTuple):
     def pooled(self) -> Trajectories:
         """All learners' demonstrations."""
         return stacked([demonstration for stream in self.streams.values() for demonstration in stream])
+
+
+def random_kind(name: str) -> str:
+    """Kind of game ``name``, or the first that can be drawn; raises ExperimentError where it cannot be."""
+    able = [kind for kind, offered in kinds("mabirds.games").items() if offered.sample]
+    if not able or name not in {"", *able}:
+        raise ExperimentError(f"game {name!r}: expected one that can be drawn at random, one of {able}")
+    return name or able[0]
 
 
 def draw(seed: int, game_kind: str, demonstrations: int = PER_LEARNER) -> Draw:

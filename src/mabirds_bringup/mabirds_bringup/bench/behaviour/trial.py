@@ -34,6 +34,7 @@ def run_trial(seed: int, game_kind: str, methods: Sequence[str], demonstrations:
     experts = game.experts("soft", "by_start").policy
     common = {
         "seed": seed,
+        "game": experiment.game.model_dump_json(exclude_defaults=True),
         "experts": game.n_experts,
         "learners": len(experiment.learners),
         "schedule": experiment.schedule.kind,

@@ -11,7 +11,7 @@ from mabirds_core.games.patrol.settings import PatrolSettings
 Walls = NDArray[np.bool_]
 
 STEP_COSTS = (0.3, 1.0)
-"""Where steps cost less, experts stroll until their deadline forces them, which no reward of states and actions says."""
+"""Where steps cost less, experts stroll until the deadline forces them, which no reward of states and actions says."""
 TRIES = 200
 """Draws of joint starts, and of maps, before another is tried."""
 
