@@ -200,6 +200,7 @@ GAME = {
     "algorithm": {
         "steps": {"kind": "paper", "alpha": 0.5, "beta": 0.5, "eta1": 0.75, "eta2": 0.75},
         "window": 1,
+        "rollout_start": "initial",
         "expectation": "exact",
     },
     "game.starts": [[[0, 0], [0, 2]], [[0, 1], [1, 0]], [[1, 2], [0, 1]]],

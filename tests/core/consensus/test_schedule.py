@@ -25,6 +25,7 @@ from mabirds_core.consensus.schedule import (
     validate,
 )
 from mabirds_core.consensus.weights import Edge
+from mabirds_core.digest import digest
 from mabirds_core.errors import ScheduleError
 
 NAMES = ("a", "b", "c")
@@ -114,6 +115,25 @@ def test_window_and_contraction_are_those_of_brute_force_whatever_follows_the_la
     worst = max(contraction([schedule.weights(n) for n in window]) for window in windows(schedule, smallest))
     assert report.contraction == pytest.approx(worst, abs=1e-12)
     assert report.contraction < 1
+
+
+def test_the_contraction_multiplies_later_weights_from_the_left() -> None:
+    """Weights of directed edges are not symmetric, so that the order of a window's factors is seen."""
+    cycle, pair = frozenset({(0, 1), (1, 2), (2, 3), (3, 0)}), both_ways([(0, 1)])
+    triangle = frozenset({(0, 2), (2, 1), (1, 0), (0, 1), (1, 2)})
+    other = both_ways([(2, 3)])
+    schedule = EdgeSchedule(learners(4), (pair, triangle, other, cycle, other, pair))
+    report = validate(schedule)
+    norms = []
+    for start in range(1, 7):
+        product = np.eye(4)
+        for n in range(start, start + report.connectivity_window):
+            product = schedule.weights(n) @ product
+        norms.append(np.linalg.norm(product - 1 / 4, ord=2))
+    assert report.contraction == pytest.approx(max(norms), abs=1e-12)
+    first = [schedule.weights(n) for n in range(1, report.connectivity_window + 1)]
+    assert contraction(first) == pytest.approx(norms[0], abs=1e-12)
+    assert contraction(first[::-1]) != pytest.approx(norms[0], abs=1e-3)
 
 
 def test_windows_wrap_around_the_end_of_the_period() -> None:
@@ -299,6 +319,20 @@ def test_validate_reports_the_window_and_the_smallest_weight() -> None:
 @given(schedules(), schedules())
 def test_digests_differ_if_and_only_if_the_schedules_do(one: EdgeSchedule, other: EdgeSchedule) -> None:
     assert (one.digest == other.digest) == (one == other)
+
+
+def test_a_digest_is_that_of_learners_slots_and_end() -> None:
+    """Files hold it: a recorded content, so that no change of code goes unnoticed."""
+    schedule = EdgeSchedule(("a", "b"), (frozenset({(1, 0), (0, 1)}), frozenset()), end="hold")
+    content = {"learners": ["a", "b"], "slots": [[[0, 1], [1, 0]], []], "end": "hold"}
+    assert schedule.digest == digest(content)
+
+
+def test_receivers_come_in_the_order_of_the_learners() -> None:
+    names = learners(9)
+    schedule = EdgeSchedule(names, (frozenset((4, v) for v in (8, 0, 5, 1, 7)) | {(0, 4)},))
+    assert schedule.receivers_of(names[4], 1) == [names[v] for v in (0, 1, 5, 7, 8)]
+    assert schedule.receivers_of(names[0], 1) == [names[4]]
 
 
 def test_digests_see_direction_order_and_names() -> None:
