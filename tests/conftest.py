@@ -4,6 +4,7 @@ import itertools
 import os
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -68,19 +69,37 @@ def settings(learners: int = 2, iterations: int = 6, schedule: dict[str, Any] | 
     }
 
 
+def write_experiment(
+    directory: Path, change: dict[str, Any] | None = None, name: str = "experiment", **keywords: Any
+) -> Path:
+    """Write an experiment file and its bag; keywords of ``settings``, or ``change``: keys to set."""
+    file = directory / name / "experiment.yaml"
+    file.parent.mkdir()
+    file.write_text(yaml.safe_dump({**settings(**keywords), **(change or {})}), encoding="utf-8")
+    experiment = load_experiment(file)
+    record(experiment, experiment.demonstrations.bag)
+    return file
+
+
 @pytest.fixture
 def make_experiment(tmp_path: Path) -> MakeExperiment:
-    """A function that writes an experiment file and its bag; keywords of ``settings``, or ``change``: keys to set."""
+    """``write_experiment`` into the directory of a test."""
+    return partial(write_experiment, tmp_path)
 
-    def make(change: dict[str, Any] | None = None, name: str = "experiment", **keywords: Any) -> Path:
-        file = tmp_path / name / "experiment.yaml"
-        file.parent.mkdir()
-        file.write_text(yaml.safe_dump({**settings(**keywords), **(change or {})}), encoding="utf-8")
-        experiment = load_experiment(file)
-        record(experiment, experiment.demonstrations.bag)
-        return file
 
-    return make
+@pytest.fixture(scope="module")
+def make_shared_experiment(tmp_path_factory: pytest.TempPathFactory) -> MakeExperiment:
+    """``write_experiment`` for all tests of a module, which leave it as it is."""
+    return partial(write_experiment, tmp_path_factory.mktemp("shared"))
+
+
+@pytest.fixture(scope="module")
+def shared_ros_domain() -> Iterator[int]:
+    """A ROS domain for processes that all tests of a module look at."""
+    with pytest.MonkeyPatch.context() as patch:
+        domain = next(_domains)
+        patch.setenv("ROS_DOMAIN_ID", str(domain))
+        yield domain
 
 
 CIRCLE = {"centre": [1.5, 1.5], "radius": 0.3}
@@ -114,15 +133,24 @@ PLANNERS: dict[str, dict[str, Any]] = {
 """Quick ones."""
 
 
+def write_drone_experiment(
+    make: MakeExperiment, planner: str = "lattice", algorithm: dict[str, Any] | None = None, **keywords: Any
+) -> Path:
+    """The same for drones. ``planner``: which of PLANNERS; ``algorithm``: other settings; keywords of ``settings``."""
+    quick = {"steps": {"alpha": 2.0, "beta": 0.5}, "window": 2, "rollouts": 8, "policy": PLANNERS[planner]}
+    return make(change={**DRONES, "algorithm": {**quick, **(algorithm or {})}}, **keywords)
+
+
 @pytest.fixture
 def make_drone_experiment(make_experiment: MakeExperiment) -> MakeExperiment:
-    """The same for drones. ``planner``: which of PLANNERS; ``algorithm``: other settings; keywords of ``settings``."""
+    """``write_drone_experiment`` into the directory of a test."""
+    return partial(write_drone_experiment, make_experiment)
 
-    def make(planner: str = "lattice", algorithm: dict[str, Any] | None = None, **keywords: Any) -> Path:
-        quick = {"steps": {"alpha": 2.0, "beta": 0.5}, "window": 2, "rollouts": 8, "policy": PLANNERS[planner]}
-        return make_experiment(change={**DRONES, "algorithm": {**quick, **(algorithm or {})}}, **keywords)
 
-    return make
+@pytest.fixture(scope="module")
+def make_shared_drone_experiment(make_shared_experiment: MakeExperiment) -> MakeExperiment:
+    """``write_drone_experiment`` for all tests of a module, which leave it as it is."""
+    return partial(write_drone_experiment, make_shared_experiment)
 
 
 OpenBag = Callable[..., DemonstrationBag]

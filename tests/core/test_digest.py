@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mabirds_core.digest import digest, trajectory_digest, versioned_digest
+from mabirds_core.digest import digest, experiment_digest, trajectory_digest
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 leaves = st.none() | st.booleans() | st.integers() | finite | st.text()
@@ -32,8 +32,8 @@ def test_a_number_that_json_lacks_is_refused(value: float) -> None:
         digest({"x": value})
 
 
-def test_a_versioned_digest_says_its_format_first() -> None:
-    assert versioned_digest([1]) == f"v2-{digest([1])}"
+def test_an_experiments_digest_says_its_format_first() -> None:
+    assert experiment_digest([1]) == f"v3-{digest([1])}"
 
 
 def test_what_decides_trajectories_is_in_their_digest() -> None:

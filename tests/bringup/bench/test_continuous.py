@@ -16,7 +16,7 @@ from mabirds_bringup.bench.cases import Case
 from mabirds_bringup.bench.continuous.cases import LATTICE, SOFT_ACTOR_CRITIC, VARIATIONS, all_cases
 from mabirds_bringup.bench.continuous.outcome import SHOWN_FLIGHTS, dear_pillars, run_case
 from mabirds_bringup.bench.continuous.report import BENCHMARK, closing_section, pillar_section
-from mabirds_bringup.bench.frame import LEARNER, array_of, frame_of, read_results
+from mabirds_bringup.bench.frame import LEARNER, array_of, frame_of, read_results, write_results
 from mabirds_bringup.bench.results import CaseResult, curve, entries
 from mabirds_bringup.bench.tables import Section
 from mabirds_core.experiment.file import Experiment, load_experiment
@@ -261,20 +261,26 @@ def mabirds(*arguments: object, cwd: Path) -> "subprocess.CompletedProcess[str]"
     return subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=240, check=False)
 
 
-@pytest.fixture
-def files(make_drone_experiment: MakeExperiment) -> tuple[Path, Path]:
+@pytest.fixture(scope="module")
+def files(make_shared_drone_experiment: MakeExperiment) -> tuple[Path, Path]:
     """The experiment, and the same by soft actor-critic beside it."""
     quick = {"baselines": {"ftl": {"max_steps": 2}, "dlm": {"max_steps": 2}}}
-    main, sac = (make_drone_experiment(planner, name=planner) for planner in ("lattice", "soft_actor_critic"))
+    main, sac = (make_shared_drone_experiment(planner, name=planner) for planner in ("lattice", "soft_actor_critic"))
     main.write_text(main.read_text(encoding="utf-8") + json.dumps(quick)[1:-1] + "\n", encoding="utf-8")
     return main, Path(shutil.copy(sac, main.with_name("experiment_sac.yaml")))
 
 
-def test_the_command_writes_a_report(files: tuple[Path, Path], tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    result = mabirds("bench", "continuous", "--main", files[0], *QUICK, "--jobs", 2, "--out", out, cwd=tmp_path)
+@pytest.fixture(scope="module")
+def report(files: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """The directory of a report on everything, and what the command said."""
+    out = tmp_path_factory.mktemp("report") / "out"
+    result = mabirds("bench", "continuous", "--main", files[0], *QUICK, "--jobs", 2, "--out", out, cwd=out.parent)
     assert result.returncode == 0, result.stderr
-    content = json.loads(result.stdout)
+    return out, json.loads(result.stdout)
+
+
+def test_the_command_writes_a_report(report: tuple[Path, dict[str, Any]]) -> None:
+    out, content = report
     assert content == json.loads((out / "summary.json").read_text(encoding="utf-8"))
     assert content["seeds"] == [301]
     assert content["flights"] == 40
@@ -292,19 +298,20 @@ def test_the_command_writes_a_report(files: tuple[Path, Path], tmp_path: Path) -
     assert "| ME-gradient |" in report
 
 
-def test_a_group_can_be_run_again(files: tuple[Path, Path], tmp_path: Path) -> None:
-    (tmp_path / "sac").mkdir()
-    elsewhere = Path(shutil.copy(files[1], tmp_path / "sac" / "networks.yaml"))
-    files[1].unlink()
-    options = ("--main", files[0], *QUICK, "--out", tmp_path / "out")
-    refused = mabirds("bench", "continuous", *options, "--only", "soft_actor_critic", cwd=tmp_path)
+def test_a_group_can_be_run_again(
+    files: tuple[Path, Path], report: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    """It alone is run, and what there is of the others stays."""
+    out = Path(shutil.copytree(report[0], tmp_path / "out"))
+    write_results(out, read_results(out).filter(pl.col("group") != VARIATIONS))
+    main, elsewhere = Path(shutil.copy(files[0], tmp_path)), Path(shutil.copy(files[1], tmp_path / "networks.yaml"))
+    options = ("--main", main, *QUICK, "--iterations", 1, "--out", out, "--only", "soft_actor_critic")
+    refused = mabirds("bench", "continuous", *options, cwd=tmp_path)
     assert refused.returncode == 2
     assert "experiment_sac.yaml" in refused.stderr.replace("\n", "")
-    only = ("--sac", elsewhere, "--only", "soft_actor_critic")
-    first = mabirds("bench", "continuous", *options, *only, cwd=tmp_path)
-    assert {row["group"] for row in json.loads(first.stdout)["results"]} == {SOFT_ACTOR_CRITIC}
-    second = mabirds("bench", "continuous", *options, "--only", "variations", cwd=tmp_path)
-    assert {row["group"] for row in json.loads(second.stdout)["results"]} == {SOFT_ACTOR_CRITIC, VARIATIONS}
+    again = mabirds("bench", "continuous", *options, "--sac", elsewhere, "--jobs", 2, cwd=tmp_path)
+    iterations = {(row["group"], row["iterations"]) for row in json.loads(again.stdout)["results"]}
+    assert iterations == {(LATTICE, 2), (SOFT_ACTOR_CRITIC, 1)}
 
 
 def test_the_command_refuses_a_game_without_drones(make_experiment: MakeExperiment, tmp_path: Path) -> None:

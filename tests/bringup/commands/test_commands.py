@@ -41,11 +41,35 @@ def file(make_experiment: Callable[..., Path]) -> Path:
     return make_experiment(iterations=8)
 
 
-def test_run_fills_the_run_directory(file: Path, tmp_path: Path) -> None:
-    result = mabirds("run", file, "--hz", 20, "--json", cwd=tmp_path)
+@pytest.fixture(scope="module")
+def shared_file(make_shared_experiment: Callable[..., Path]) -> Path:
+    return make_shared_experiment(iterations=8)
+
+
+def in_place(verb: str, *arguments: object, cwd: Path) -> tuple[Path, dict[str, Any]]:
+    """The run directory that a command made, and what it said."""
+    result = mabirds(verb, *arguments, "--json", cwd=cwd)
     assert result.returncode == 0, result.stderr
-    latest = tmp_path / "runs" / "latest"
-    summary = json.loads(result.stdout)
+    summary: dict[str, Any] = json.loads(result.stdout)
+    return cwd / "runs" / "latest", summary
+
+
+@pytest.fixture(scope="module")
+def finished_run(
+    shared_file: Path, shared_ros_domain: int, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Path, dict[str, Any]]:
+    """``mabirds run`` that has ended."""
+    return in_place("run", shared_file, "--hz", 20, cwd=tmp_path_factory.mktemp("run"))
+
+
+@pytest.fixture(scope="module")
+def simulation(shared_file: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """``mabirds simulate`` of the same experiment."""
+    return in_place("simulate", shared_file, cwd=tmp_path_factory.mktemp("simulation"))
+
+
+def test_run_fills_the_run_directory(finished_run: tuple[Path, dict[str, Any]]) -> None:
+    latest, summary = finished_run
     assert summary == json.loads((latest / "summary.json").read_text(encoding="utf-8"))
     for row in summary["learners"].values():
         assert row["iterations"] == 8
@@ -62,38 +86,34 @@ def test_run_fills_the_run_directory(file: Path, tmp_path: Path) -> None:
         assert (latest / picture).read_bytes().startswith(b"\x89PNG")
 
 
-def test_run_metrics_hold_every_learner_and_iteration(file: Path, tmp_path: Path) -> None:
-    assert mabirds("run", file, "--hz", 20, cwd=tmp_path).returncode == 0
-    with (tmp_path / "runs" / "latest" / "metrics.csv").open(encoding="utf-8") as stream:
+def test_run_metrics_hold_every_learner_and_iteration(finished_run: tuple[Path, dict[str, Any]]) -> None:
+    with (finished_run[0] / "metrics.csv").open(encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))
     assert [(row["learner"], int(row["iteration"])) for row in rows] == [
         (name, n) for name in ("learner_1", "learner_2") for n in range(1, 10)
     ]
 
 
-def test_the_recording_holds_all_parameters_and_no_demonstration(file: Path, tmp_path: Path) -> None:
-    assert mabirds("run", file, "--hz", 20, cwd=tmp_path).returncode == 0
-    with Reader(tmp_path / "runs" / "latest" / "bag") as reader:
+def test_the_recording_holds_all_parameters_and_no_demonstration(finished_run: tuple[Path, dict[str, Any]]) -> None:
+    with Reader(finished_run[0] / "bag") as reader:
         counts = {connection.topic: connection.msgcount for connection in reader.connections}
     assert counts["/learner_1/parameters"] == counts["/learner_2/parameters"] == 9
     assert counts["/learner_1/status"] > 0
     assert not [topic for topic in counts if "demonstration" in topic]
 
 
-def test_simulate_gives_the_same_summary_as_run(file: Path, tmp_path: Path) -> None:
-    run, simulation = (
-        json.loads(mabirds(verb, file, *options, "--json", cwd=tmp_path).stdout)
-        for verb, options in (("run", ("--hz", "50")), ("simulate", ()))
-    )
+def test_simulate_gives_the_same_summary_as_run(
+    finished_run: tuple[Path, dict[str, Any]], simulation: tuple[Path, dict[str, Any]]
+) -> None:
+    run, simulated = (dict(summary) for _, summary in (finished_run, simulation))
     assert run.pop("wall_seconds") > 0
-    assert simulation.pop("wall_seconds") > 0
+    assert simulated.pop("wall_seconds") > 0
     assert run.pop("delivered_graph") == {"iterations": 8, "edge_mismatches": [], "connectivity_window": 1}
-    assert run == simulation
+    assert run == simulated
 
 
-def test_manifest_names_versions_seeds_and_digests(file: Path, tmp_path: Path) -> None:
-    assert mabirds("simulate", file, cwd=tmp_path).returncode == 0
-    manifest = json.loads((tmp_path / "runs" / "latest" / "manifest.json").read_text(encoding="utf-8"))
+def test_manifest_names_versions_seeds_and_digests(simulation: tuple[Path, dict[str, Any]]) -> None:
+    manifest = json.loads((simulation[0] / "manifest.json").read_text(encoding="utf-8"))
     assert set(manifest["digests"]) == {"game", "experiment", "schedule"}
     assert manifest["seeds"] == {"learners": 3, "demonstrations": 0}
     assert all(manifest["versions"].values())
@@ -128,7 +148,9 @@ def gone(children: list[psutil.Process]) -> bool:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupted_run_leaves_nothing_behind(slow_run: Any, number: int) -> None:
+def test_an_interrupted_run_leaves_its_recording_and_nothing_else_behind(
+    slow_run: Any, tmp_path: Path, number: int
+) -> None:
     process, children = slow_run
     process.send_signal(number)
     _, errors = process.communicate(timeout=15)
@@ -136,6 +158,10 @@ def test_an_interrupted_run_leaves_nothing_behind(slow_run: Any, number: int) ->
     assert "interrupted; everything was stopped" in errors
     assert "Traceback" not in errors
     assert gone(children)
+    bag = tmp_path / "runs" / "latest" / "bag"
+    assert (bag / "metadata.yaml").is_file()
+    with Reader(bag) as reader:  # whole: index, footer and all
+        assert {connection.topic.split("/")[1] for connection in reader.connections} <= {"learner_1", "learner_2"}
 
 
 def test_a_run_whose_learner_dies_stops_the_rest_and_names_it(slow_run: Any) -> None:
@@ -155,16 +181,6 @@ def test_a_run_whose_player_leaves_early_stops_the_rest(slow_run: Any) -> None:
     assert process.returncode == 3
     assert "expert_player ended with exit code 0" in errors
     assert gone(children)
-
-
-def test_an_interrupted_run_keeps_its_recording(slow_run: Any, tmp_path: Path) -> None:
-    process, _ = slow_run
-    process.send_signal(signal.SIGINT)
-    process.communicate(timeout=15)
-    bag = tmp_path / "runs" / "latest" / "bag"
-    assert (bag / "metadata.yaml").is_file()
-    with Reader(bag) as reader:  # whole: index, footer and all
-        assert {connection.topic.split("/")[1] for connection in reader.connections} <= {"learner_1", "learner_2"}
 
 
 def test_nodes_do_not_outlive_a_killed_run(slow_run: Any) -> None:

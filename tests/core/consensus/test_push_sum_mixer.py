@@ -8,7 +8,7 @@ import pytest
 from experiments import demonstrations, experiment
 from pydantic import ValidationError
 
-from mabirds_core.algorithm.learner import Learner, LearnerState
+from mabirds_core.algorithm.learner import Learner
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Array, Vector
 from mabirds_core.consensus.push_sum import PushSumState, RunningSum
@@ -113,13 +113,14 @@ def test_an_estimate_moves_only_while_there_is_weight_to_carry_it(weight: float,
     zeta = demonstrations(SETTINGS)["ann"][0]
     nothing = 0.0 * state.mass
     nothing[-1] = weight - state.weight
-    after, gradient = learner.step(LearnerState(1, state, ()), zeta, {"bob": sum_of(nothing)})
-    step = learner.steps.descend(Parameters(*(0 * values for values in gradient)), gradient, 1)
-    moved = (state.mass[:-1] + np.concatenate(step)) / weight
+    before = learner.initial_state()._replace(mixing=state)
+    after, estimate = learner.step(before, zeta, {"bob": sum_of(nothing)})
+    step, _ = learner.steps.step(before.rule, estimate, 1)
+    moved = (state.mass[:-1] - np.concatenate(step)) / weight
     found = np.concatenate(after.parameters)
     np.testing.assert_allclose(found, moved if moves else np.concatenate(state.parameters), rtol=1e-12, atol=1e-15)
-    assert np.abs(gradient.theta).max() > 0
-    assert (after.iteration, after.recent) == (2, ())
+    assert np.abs(estimate.gradient.theta).max() > 0
+    assert after.iteration == 2
     assert isinstance(after.mixing, PushSumState)
     assert (after.mixing.sent.keys() == {"bob", "cid"}) == moves
 
@@ -129,8 +130,9 @@ def test_a_closing_round_only_receives_and_sends(weight: float) -> None:
     state = begun(1 / 8)
     share = mass(state, weight - 1 / 8)
     incoming = {"bob": sum_of(3 * share), "dee": sum_of(-2 * share)}
-    after = ann().consensus_step(LearnerState(1, state, ()), incoming)
-    assert (after.iteration, after.policy, after.recent) == (2, None, ())
+    before = ann().initial_state()._replace(mixing=state)
+    after = ann().consensus_step(before, incoming)
+    assert (after.iteration, after.policy, after.memory, after.rule) == (2, None, before.memory, before.rule)
     np.testing.assert_allclose(after.parameters.theta, state.parameters.theta)
     assert isinstance(after.mixing, PushSumState)
     sent = sum(total.total for total in after.mixing.sent.values())

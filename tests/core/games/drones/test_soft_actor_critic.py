@@ -227,8 +227,8 @@ def hall() -> tuple[DroneGame, Array, Array]:
     return game, theta, omega
 
 
-@pytest.mark.parametrize("temperature", [0.1, 1000.0])
-def test_it_comes_near_the_lattice(temperature: float) -> None:
+@pytest.mark.parametrize(("temperature", "searches"), [(0.1, 8), (1000.0, 3)])
+def test_it_comes_near_the_lattice(temperature: float, searches: int) -> None:
     """Total variation distance of where rollouts spend their time, on squares of 0.25 m: below 0.12.
 
     Two sets of 2000 rollouts of one and the same policy differ by about 0.02; the lattice's policy and that of uniform
@@ -239,7 +239,7 @@ def test_it_comes_near_the_lattice(temperature: float) -> None:
     near = LatticePlanner(game, reward, 0.1, temperature).plan(theta, omega)
     one = SacPlanner(game, reward, temperature, hidden=64, first_steps=600, steps=200)
     policy = None
-    for _ in range(8):
+    for _ in range(searches):
         policy = one.plan(theta, omega, policy, np.random.default_rng(next(seeds)))
     assert policy is not None
     visits = [
