@@ -11,6 +11,7 @@ from mabirds_core.experiment.assembly import build_game
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.registry import kinds, require
+from mabirds_core.settings import Settings
 
 PER_LEARNER, HELD_OUT = 40, 400
 """Demonstrations of each learner, and those that nobody learns from."""
@@ -79,7 +80,8 @@ def draw(seed: int, game_kind: str, demonstrations: int = PER_LEARNER) -> Draw:
 
 
 def _experiment(seed: int, rng: np.random.Generator, game_kind: str, demonstrations: int) -> Experiment:
-    settings = require("mabirds.games", game_kind).sample(rng)
+    sample = require("mabirds.games", game_kind).sample or _cannot
+    settings: Any = sample(rng)
     count = int(rng.choice(LEARNERS)) if settings.n_experts <= 2 else 2
     return Experiment.model_validate(
         {
@@ -92,6 +94,10 @@ def _experiment(seed: int, rng: np.random.Generator, game_kind: str, demonstrati
             "seed": seed,
         }
     )
+
+
+def _cannot(rng: np.random.Generator) -> Settings:  # noqa: ARG001 - nothing is drawn
+    raise ExperimentError("this kind of game cannot be drawn at random")
 
 
 def with_paper_steps(experiment: Experiment) -> Experiment:

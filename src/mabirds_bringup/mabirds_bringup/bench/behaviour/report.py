@@ -130,7 +130,7 @@ def write_report(rows: Sequence[Mapping[str, Any]], directory: Path, command: st
     plt.close(figure)
     worst = by_problem(frame).filter(method=MABIRDS)
     misses = worst.filter((pl.col("success") < SUCCESS) | (pl.col("late_minimum") < LATE_SUCCESS))
-    content = {
+    content: dict[str, Any] = {
         "command": command,
         "machine": dict(machine),
         "seeds": sorted(frame["seed"].unique().to_list()),

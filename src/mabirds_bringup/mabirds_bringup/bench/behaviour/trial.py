@@ -9,6 +9,7 @@ from mabirds_bringup.bench.behaviour.pooled import pooled_optimum
 from mabirds_core.algorithm.memory import stacked
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Mask, Vector
+from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.assembly import build_game, evaluation_policy, reward_of
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History, simulate, simulate_central
@@ -29,7 +30,7 @@ Row = dict[str, Any]
 def run_trial(seed: int, game_kind: str, methods: Sequence[str], demonstrations: int) -> list[Row]:
     """One row per method and learner of the problem with this seed; ``methods``: central ones to run beside."""
     problem = draw(seed, game_kind, demonstrations)
-    experiment, game = problem.experiment, build_game(problem.experiment)
+    experiment, game = problem.experiment, tabular_game(problem.experiment)
     optimum = pooled_optimum(game, problem.pooled, problem.held_out)
     experts = game.experts("soft", "by_start").policy
     common = {
@@ -51,6 +52,14 @@ def run_trial(seed: int, game_kind: str, methods: Sequence[str], demonstrations:
     for method in methods:
         rows += judged.rows(method, experiment, simulate_central(experiment, method, problem.streams))
     return [{**common, **row} for row in rows]
+
+
+def tabular_game(experiment: Experiment) -> Any:
+    """The experiment's game; raises ExperimentError where it cannot be enumerated."""
+    game = build_game(experiment)
+    if not hasattr(game, "successor"):
+        raise ExperimentError(f"game {experiment.game.kind}: expected one that can be enumerated")
+    return game
 
 
 class _Judged:
