@@ -46,8 +46,14 @@ def pooled_optimum(game: TabularGame, demonstrations: Trajectories, held_out: Tr
     def on_iteration(x: Vector) -> None:
         best[0] = max(best[0], likelihood(x))
 
-    options = {"maxfun": MAX_EVALUATIONS, "maxiter": MAX_EVALUATIONS}
-    end = minimize(loss, np.zeros(len(observed)), jac=True, method="L-BFGS-B", callback=on_iteration, options=options)
+    end = minimize(
+        loss,
+        np.zeros(len(observed)),
+        jac=True,
+        method="L-BFGS-B",
+        callback=on_iteration,
+        options={"maxfun": MAX_EVALUATIONS, "maxiter": MAX_EVALUATIONS},
+    )
     return Optimum(likelihood(end.x), best[0])
 
 
