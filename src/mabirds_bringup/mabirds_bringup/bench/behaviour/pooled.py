@@ -5,7 +5,7 @@
 is the negative log likelihood of the demonstrations, convex in x; scipy's L-BFGS has no part in MA-BIRDS.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize
@@ -46,8 +46,9 @@ def pooled_optimum(game: TabularGame, demonstrations: Trajectories, held_out: Tr
     def on_iteration(x: Vector) -> None:
         best[0] = max(best[0], likelihood(x))
 
+    objective: Any = loss  # scipy's types know no arrays of any shape
     end = minimize(
-        loss,
+        objective,
         np.zeros(len(observed)),
         jac=True,
         method="L-BFGS-B",
