@@ -8,13 +8,14 @@ import numpy as np
 from experiments import changed
 
 from mabirds_core.arrays import Array
+from mabirds_core.experiment.assembly import build_game
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.lattice import LatticePlanner
 from mabirds_core.games.drones.rewards import TrueDroneReward
 from mabirds_core.games.drones.rollouts import drone_rollouts
 from mabirds_core.games.drones.settings import DroneSettings
-from mabirds_core.games.drones.study import drone_game
+from mabirds_core.games.drones.whole_game import WholeDroneGame
 from mabirds_core.games.interface import Trajectories
 
 Pair = tuple[float, float]
@@ -173,6 +174,13 @@ def drone_settings(changes: dict[str, Any] | None = None) -> dict[str, Any]:
 def drone_experiment(changes: dict[str, Any] | None = None) -> Experiment:
     """The experiment of it."""
     return Experiment.model_validate(drone_settings(changes))
+
+
+def drone_game(of: Experiment) -> WholeDroneGame:
+    """The experiment's game, which is one of drones."""
+    game = build_game(of)
+    assert isinstance(game, WholeDroneGame)
+    return game
 
 
 def drone_streams(of: Experiment, seed: int = 0) -> dict[str, list[Trajectories]]:

@@ -58,6 +58,7 @@ def check_game(game: Game, seed: int = 0) -> None:
             _check_encoding(game, demonstration)
             _check_refusals(game, demonstration)
             _check_features(game.cost_features, discounted_visitation(demonstration, game.discount))
+            _check_measures(game, demonstration, seed)
     for reward in (game.linear_reward(), game.true_reward()):
         check_reward(reward, game, seed)
 
@@ -85,6 +86,14 @@ def _check_refusals(game: Game, trajectory: Trajectories) -> None:
     for what, arrays in wrong.items():
         refused = _fails(lambda arrays=arrays: game.decode(*arrays), ImpossibleTrajectoryError)  # type: ignore[misc]
         _require(refused, f"decode takes a trajectory that is {what}; expected ImpossibleTrajectoryError")
+
+
+def _check_measures(game: Game, demonstration: Trajectories, seed: int) -> None:
+    omega = np.random.default_rng(seed).normal(size=len(game.cost_features.names))
+    for measure, values in game.measures(omega, demonstration).items():
+        _require(measure.isidentifier(), f"measures: {measure!r}, expected a name such as obstacle_cost")
+        finite = all(np.isfinite(value) for value in values.values())
+        _require(finite, f"measures: {measure} is not finite, expected a number for each thing that it measures")
 
 
 def _displaced(states: Array) -> Array:

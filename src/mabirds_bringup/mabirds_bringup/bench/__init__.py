@@ -1,1 +1,1 @@
-"""What all benchmarks share: cases, the processes that run them, tables, targets, reports, curves."""
+"""Benchmarks: studies declared in files, the processes that run their cases, tables, targets, figures, reports."""

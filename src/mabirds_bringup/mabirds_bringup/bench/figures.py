@@ -1,6 +1,7 @@
-"""Pictures of benchmarks: curves over seeds as queries on the results, and saving."""
+"""Pictures of benchmarks: games and what was learned of them, rates and agreement over iterations, thresholds."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
@@ -8,53 +9,139 @@ import matplotlib as mpl
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
+import numpy as np
 import polars as pl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from mabirds_bringup.bench.frame import LEARNER, in_order, is_metric
+from mabirds_bringup.bench.frame import LEARNER, array_of, in_order, is_metric, name
+from mabirds_bringup.bench.outcome import drawn_streams
+from mabirds_bringup.bench.study import Case, LoadedStudy
+from mabirds_bringup.bench.summary import is_learner
+from mabirds_core.algorithm.memory import stacked
+from mabirds_core.algorithm.parameters import Parameters
+from mabirds_core.arrays import Mask, Vector
+from mabirds_core.experiment.assembly import build_game, evaluation_policy
+from mabirds_core.experiment.file import Experiment
+from mabirds_core.games.interface import Learned
+from mabirds_core.metrics.constraints import by_threshold, constraint_errors
 
 DOTS_PER_INCH = 120
 ITERATIONS = "iterations made, closing rounds last"
 RATES = {"success_rate": "success rate", "violation_rate": "constraint violation rate"}
+DISTANCES = {f"consensus_{part}": f"consensus distance of {part}" for part in ("theta", "omega")}
+MAX_DEMONSTRATIONS = 40
+THRESHOLDS = np.logspace(-4, 2, 121)
+LEGEND: dict[str, Any] = {"loc": "outside upper center", "ncols": 4, "fontsize": 7}
 
 
-def save_all(figures: Mapping[str, Figure], directory: Path) -> list[str]:
-    """Write figures by file name; returns the names."""
-    for name, figure in figures.items():
-        figure.savefig(directory / name, dpi=DOTS_PER_INCH, bbox_inches="tight")
+def save_figures(study: LoadedStudy, results: pl.DataFrame, directory: Path) -> list[str]:
+    """Write the pictures of a study by file name; returns the names."""
+    names = []
+    for file, figure in study_figures(study, results):
+        figure.savefig(directory / file, dpi=DOTS_PER_INCH, bbox_inches="tight")
         plt.close(figure)
-    return list(figures)
+        names.append(file)
+    return names
 
 
-def draw_band(axis: Axes, results: pl.DataFrame, metric: str, name: str, **style: Any) -> None:
+def study_figures(study: LoadedStudy, results: pl.DataFrame) -> Iterator[tuple[str, Figure]]:
+    """The games with demonstrations, then the declared pictures of each group that there is, by file name."""
+    for key, experiment in study.experiments.items():
+        if figure := game_figure(experiment):
+            yield f"game_{key}.png", figure
+    for group, settings in study.settings.groups.items():
+        of_group = results.filter(group=group).with_columns(name())
+        cases = {case.label: case for case in study.cases if case.group == group}
+        shown = of_group.filter(pl.col("label").is_in(settings.shown or list(cases)))
+        for kind in settings.pictures if len(of_group) else ():
+            yield f"{kind}_{group}.png", _figure(kind, cases, of_group, shown)
+
+
+def _figure(kind: str, cases: Mapping[str, Case], of_group: pl.DataFrame, shown: pl.DataFrame) -> Figure:
+    if kind == "learned":
+        return learned_figure(cases, shown)
+    if kind == "thresholds":
+        return thresholds_figure(build_game(next(iter(cases.values())).experiment).true_constraints, shown)
+    if kind == "rates":
+        return curves_figure(of_group, RATES, ylim=(-0.02, 1.02))
+    return curves_figure(of_group.filter(is_learner()), DISTANCES)
+
+
+def game_figure(experiment: Experiment) -> Figure | None:
+    """The game with demonstrations of all learners."""
+    game, each = build_game(experiment), -(-MAX_DEMONSTRATIONS // len(experiment.learners))
+    few = experiment.model_copy(update={"iterations": min(each, experiment.iterations)})
+    streams = drawn_streams(few, game)
+    shown = list(islice(chain.from_iterable(streams.values()), MAX_DEMONSTRATIONS))
+    figure: Figure | None = game.demonstrations_figure(stacked(shown))
+    return figure
+
+
+def learned_figure(cases: Mapping[str, Case], results: pl.DataFrame) -> Figure:
+    """The game's picture of what learners and methods ended with, for the first seed."""
+    of_seed = results.filter(pl.col("seed") == pl.col("seed").first())
+    learned = dict[str, Learned]()
+    for (label, learner, title), own in of_seed.group_by("label", "learner", "name", maintain_order=True):
+        experiment = cases[str(label)].seeded(int(own["seed"][0]))
+        game, at = build_game(experiment), Parameters(array_of(own, "theta"), array_of(own, "omega"))
+        constraints = by_threshold(at.omega, experiment.constraint_threshold)
+        policy = evaluation_policy(experiment, str(learner), game)(at)
+        learned[str(title)] = Learned(policy, at.omega, constraints)
+    figure: Figure = game.figure(learned, experiment.constraint_threshold, experiment.seed)
+    return figure
+
+
+def curves_figure(results: pl.DataFrame, titles: Mapping[str, str], **limits: Any) -> Figure:
+    """A panel per metric and a line per case against iterations; actors' are dashed, closing rounds begin dotted."""
+    figure, axes = plt.subplots(1, len(titles), figsize=(10, 3.8), layout="constrained")
+    for axis, (metric, title) in zip(axes, titles.items(), strict=True):
+        for number, label in enumerate(in_order(results, "label")):
+            of_case, colour = results.filter(label=label), f"C{number}"
+            draw_band(axis, of_case, metric, label, color=colour)
+            draw_band(axis, of_case, f"actor_{metric}", f"{label}, actor", color=colour, linestyle="--")
+        axis.set(xlabel=ITERATIONS, ylabel=title, **limits)
+        mark_last_updates(axis, results)
+    figure.legend(*axes[0].get_legend_handles_labels(), **LEGEND)
+    return figure
+
+
+def draw_band(axis: Axes, results: pl.DataFrame, metric: str, label: str, **style: Any) -> None:
     """The mean over ``results`` by iteration as a line, their range as a band; nothing without the metric."""
-    of_metric = results.filter(is_metric(metric)).group_by("iteration", maintain_order=True)
-    band = of_metric.agg(mean=pl.col("value").mean(), least=pl.col("value").min(), most=pl.col("value").max())
+    by_iteration = results.filter(is_metric(metric)).group_by("iteration", maintain_order=True)
+    band = by_iteration.agg(mean=pl.col("value").mean(), least=pl.col("value").min(), most=pl.col("value").max())
     if band.is_empty():
         return
-    line = axis.plot(band["iteration"], band["mean"], label=name, linewidth=1.2, **style)[0]
+    line = axis.plot(band["iteration"], band["mean"], label=label, linewidth=1.2, **style)[0]
     axis.fill_between(band["iteration"], band["least"], band["most"], alpha=0.15, color=line.get_color())
 
 
-def rates_figure(results: pl.DataFrame, by: str, legend: Mapping[str, Any], height: float = 3.6) -> Figure:
-    """SR and CVR against iterations, a line for each value of the column ``by``; actors' rates are dashed."""
-    figure, axes = plt.subplots(1, 2, figsize=(10, height), layout="constrained")
-    for number, label in enumerate(in_order(results, by)):
-        own, colour = results.filter(pl.col(by) == label), f"C{number}"
-        for axis, metric in zip(axes, RATES, strict=True):
-            draw_band(axis, own, metric, label, color=colour)
-            draw_band(axis, own, f"actor_{metric}", f"{label}, actor", color=colour, linestyle="--")
-    for axis, title in zip(axes, RATES.values(), strict=True):
-        axis.set(xlabel=ITERATIONS, ylabel=title, ylim=(-0.02, 1.02))
-    figure.legend(*axes[0].get_legend_handles_labels(), fontsize=7, **legend)
-    return figure
-
-
-def mark_last_updates(figure: Figure, results: pl.DataFrame) -> Figure:
+def mark_last_updates(axis: Axes, results: pl.DataFrame) -> None:
     """A dotted line where closing rounds begin."""
     updates = results.filter(is_metric("seconds")).group_by(LEARNER).agg(pl.col("iteration").max())
-    for axis in figure.axes:
-        for last in updates["iteration"].unique():
-            axis.axvline(last, color="0.5", linestyle=":", linewidth=0.9)
+    for last in updates["iteration"].unique():
+        axis.axvline(last, color="0.5", linestyle=":", linewidth=0.9)
+
+
+def thresholds_figure(truth: Mask, results: pl.DataFrame) -> Figure:
+    """FPR and FNR against the threshold, and against each other: what any choice of the threshold would give."""
+    figure, (rates, roc) = plt.subplots(1, 2, figsize=(10, 3.8), layout="constrained")
+    for title in in_order(results, "name"):
+        false_positive, false_negative = error_curves(truth, results.filter(name=title))
+        line = rates.plot(THRESHOLDS, false_positive, label=title, linewidth=1.2)[0]
+        rates.plot(THRESHOLDS, false_negative, "--", color=line.get_color(), linewidth=1.2)
+        roc.plot(false_positive, 1 - false_negative, color=line.get_color(), linewidth=1.2)
+    rates.set(xscale="log", xlabel="threshold on -omega", ylabel="FPR (line), FNR (dashed)", ylim=(-0.02, 1.02))
+    roc.set(xlabel="FPR", ylabel="1 - FNR", xlim=(-0.02, 0.5), ylim=(-0.02, 1.02))
+    figure.legend(*rates.get_legend_handles_labels(), **LEGEND)
     return figure
+
+
+def error_curves(truth: Mask, results: pl.DataFrame) -> tuple[Vector, Vector]:
+    """Mean FPR and FNR over learners and seeds at each of THRESHOLDS."""
+    omegas = [array_of(own, "omega") for _, own in results.group_by("learner", "seed", maintain_order=True)]
+    errors = [
+        [constraint_errors(by_threshold(omega, threshold), truth)[:2] for threshold in THRESHOLDS] for omega in omegas
+    ]
+    false_positive, false_negative = np.mean(errors, axis=0).T
+    return false_positive, false_negative

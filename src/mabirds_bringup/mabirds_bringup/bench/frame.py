@@ -62,10 +62,12 @@ def is_entry(name: str) -> pl.Expr:
 
 
 def array_of(results: pl.DataFrame, name: str) -> Array:
-    """The metric ``name`` of one learner with one seed, in the shape that it had."""
-    found = results.filter(is_entry(name))
-    last = re.findall(r"\d+", found["metric"][-1])
-    return np.asarray(found["value"].to_numpy()).reshape([int(index) + 1 for index in last])
+    """The metric ``name`` of one learner with one seed, in the shape that it had; (0,) where it had no entries."""
+    of_array = results.filter(is_entry(name))
+    if of_array.is_empty():
+        return np.zeros(0)
+    last = re.findall(r"\d+", of_array["metric"][-1])
+    return np.asarray(of_array["value"].to_numpy()).reshape([int(index) + 1 for index in last])
 
 
 def in_order(results: pl.DataFrame, column: str) -> list[str]:

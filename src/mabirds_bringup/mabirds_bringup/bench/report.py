@@ -11,49 +11,40 @@ from typing import Any
 import polars as pl
 
 from mabirds_bringup.bench.frame import write_results
-from mabirds_bringup.bench.summary import Measure, summarise
-from mabirds_bringup.bench.tables import Column, Section, section
-from mabirds_bringup.bench.targets import COLUMNS, Limits
+from mabirds_bringup.bench.tables import Section, section
+from mabirds_bringup.bench.targets import COLUMNS
 from mabirds_bringup.report.templates import render
 from mabirds_bringup.run.run_directory import write_json
 
 
 @dataclass(frozen=True)
-class Benchmark:
-    """What a benchmark shows of its results, as queries. ``groups``: titles of the groups' tables, in order."""
-
-    groups: Mapping[str, str]
-    measures: Mapping[str, Measure]
-    columns: Sequence[Column]
-    limits: Sequence[Limits]
-    packages: Sequence[str]
-    """On which times depend."""
-
-    def rows(self, results: pl.DataFrame) -> pl.DataFrame:
-        """One row per learner or method of each case, over all seeds."""
-        return summarise(results, self.measures)
-
-    def sections(self, rows: pl.DataFrame) -> list[Section]:
-        """A table of each group that there is."""
-        of = {title: rows.filter(group=group) for group, title in self.groups.items()}
-        return [section(title, own, self.columns) for title, own in of.items() if len(own)]
-
-    def targets(self, rows: pl.DataFrame) -> pl.DataFrame:
-        """Targets of all limits, in order."""
-        return pl.concat([limits.targets(rows) for limits in self.limits])
-
-
-@dataclass(frozen=True)
 class Page:
-    """What report.md and report.html say, and summary.json. ``note``: how to read the tables."""
+    """What a report shows.
+
+    Attributes
+    ----------
+    title, note : str
+        The heading, and how to read the tables.
+    pictures : Sequence of str
+        Files that are in the directory.
+    sections : Sequence of Section
+        Tables.
+    rows, targets : DataFrame
+        ``results`` and ``targets`` of summary.json.
+    packages : Sequence of str
+        On which times depend.
+    content : Mapping
+        More of summary.json.
+    """
 
     title: str
     note: str
     pictures: Sequence[str]
     sections: Sequence[Section]
+    rows: pl.DataFrame
     targets: pl.DataFrame
+    packages: Sequence[str] = ("numpy",)
     content: Mapping[str, Any] = field(default_factory=dict)
-    """More of summary.json."""
 
 
 def machine(*packages: str) -> dict[str, Any]:
@@ -66,15 +57,13 @@ def machine(*packages: str) -> dict[str, Any]:
     }
 
 
-def write_report(
-    benchmark: Benchmark, results: pl.DataFrame, directory: Path, command: str, page: Page
-) -> dict[str, Any]:
+def write_report(page: Page, results: pl.DataFrame, directory: Path, command: str) -> dict[str, Any]:
     """Fill ``directory``, where the pictures are already; returns what --json prints."""
     content = {
         "command": command,
-        "machine": machine(*benchmark.packages),
+        "machine": machine(*page.packages),
         "seeds": sorted(results["seed"].unique()),
-        "results": benchmark.rows(results).drop("name").to_dicts(),
+        "results": page.rows.drop("name").to_dicts(),
         "targets": page.targets.to_dicts(),
         **page.content,
     }

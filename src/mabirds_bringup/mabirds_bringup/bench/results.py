@@ -1,6 +1,6 @@
 """What the cases came to, as rows of numbers; without polars, which would count as memory of the cases' processes."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -33,9 +33,12 @@ def curve(metric: str, values: Sequence[float], first: int = 0) -> Iterator[Metr
         yield MetricsRow(iteration, metric, float(value))
 
 
-def entries(iteration: int, **metrics: ArrayLike) -> Iterator[MetricsRow]:
-    """Numbers and arrays of any shape at one iteration: entry (3, 1) of ``visits`` is the metric ``visits[3,1]``."""
+def entries(iteration: int, **metrics: ArrayLike | Mapping[str, float]) -> Iterator[MetricsRow]:
+    """Numbers, arrays and mappings at one iteration: entry (3, 1) of ``visits`` is the metric ``visits[3,1]``."""
     for name, values in metrics.items():
+        if isinstance(values, Mapping):
+            yield from (MetricsRow(iteration, f"{name}[{label}]", value) for label, value in values.items())
+            continue
         for index, value in np.ndenumerate(np.asarray(values, dtype=np.float64)):
             place = f"[{','.join(map(str, index))}]" if index else ""
             yield MetricsRow(iteration, name + place, float(value))

@@ -1,6 +1,5 @@
-"""One row per learner or method: measures, each asked of the results of a seed and then put together over the seeds."""
+"""One row per learner or method: every metric's value at the end, and times, put together over the seeds."""
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import polars as pl
@@ -8,6 +7,12 @@ import polars as pl
 from mabirds_bringup.bench.frame import LEARNER, is_entry, is_metric, name
 
 SUCCESS_LEVELS = (0.5, 0.9)
+
+COUNTS = ("gradient_steps", "policy_solves", "peak_memory")
+"""Metrics of which the mean over seeds is all that matters."""
+
+PARAMETERS = ("theta", "omega", "seconds")
+"""Metrics of which an end value or a mean over entries says nothing."""
 
 VALUE = pl.col("value")
 
@@ -35,28 +40,9 @@ def mean_of_all(values: pl.Expr) -> pl.Expr:
     return pl.when(values.null_count() == 0).then(values.mean())
 
 
-@dataclass(frozen=True)
-class Measure:
-    """A figure of a row: what to ask the results of one seed, and how the seeds' answers become one."""
-
-    of_seed: pl.Expr
-    over_seeds: Callable[[pl.Expr], pl.Expr] = mean_range
-
-
-def summarise(results: pl.DataFrame, measures: Mapping[str, Measure]) -> pl.DataFrame:
-    """One row per learner or method, with ``name`` and a column per measure."""
-    by_seed = results.group_by(*LEARNER, "seed", maintain_order=True).agg(
-        **{column: measure.of_seed for column, measure in measures.items()}
-    )
-    rows = by_seed.group_by(*LEARNER, maintain_order=True).agg(
-        **{column: measure.over_seeds(pl.col(column)) for column, measure in measures.items()}
-    )
-    return rows.with_columns(name())
-
-
 def at_end(metric: str) -> pl.Expr:
-    """The number after the last iteration; null without the metric."""
-    return VALUE.filter(is_metric(metric)).last()
+    """The number after the last iteration, or the mean of an array's entries; null without the metric."""
+    return pl.coalesce(VALUE.filter(is_metric(metric)).last(), VALUE.filter(is_entry(metric)).mean())
 
 
 def at_last_update(metric: str) -> pl.Expr:
@@ -69,11 +55,6 @@ def last_update() -> pl.Expr:
     return pl.col("iteration").filter(is_metric("seconds")).max()
 
 
-def share_above_zero(metric: str) -> pl.Expr:
-    """The share of an array's entries that are more than 0; null without entries."""
-    return (VALUE.filter(is_entry(metric)) > 0).mean()
-
-
 def time_to(level: float) -> pl.Expr:
     """Seconds of updates until SR first is at least ``level``; null where it never is."""
     first = pl.col("iteration").filter(is_metric("success_rate"), pl.col("value") >= level).min()
@@ -81,17 +62,53 @@ def time_to(level: float) -> pl.Expr:
     return pl.when(first.is_not_null()).then(seconds)
 
 
+def metrics_of(results: pl.DataFrame) -> list[str]:
+    """Names of all metrics, arrays without their entries, in order."""
+    names = results["metric"].str.replace(r"\[.*", "").unique(maintain_order=True).to_list()
+    return [metric for metric in names if metric not in PARAMETERS]
+
+
+def summarise(results: pl.DataFrame) -> pl.DataFrame:
+    """A row per learner or method of each case.
+
+    Parameters
+    ----------
+    results : DataFrame
+        Of ``frame.SCHEMA``.
+
+    Returns
+    -------
+    DataFrame
+        ``name``; a column for each metric at the end, a mean and range over seeds or, of COUNTS, a mean;
+        ``updated_violation_rate`` and ``updated_success_rate`` before the closing rounds; ``iterations``;
+        ``iteration_seconds``; ``seconds_ratio``, the same over that of the group's fastest learner;
+        ``seconds_to_level`` of SUCCESS_LEVELS.
+    """
+    metrics = metrics_of(results)
+    updated = {f"updated_{rate}": at_last_update(rate) for rate in ("violation_rate", "success_rate")}
+    by_seed = results.group_by(*LEARNER, "seed", maintain_order=True).agg(
+        **{metric: at_end(metric) for metric in metrics},
+        **updated,
+        iteration_seconds=VALUE.filter(is_metric("seconds")).mean(),
+        seconds_to_level=pl.concat_list([time_to(level) for level in SUCCESS_LEVELS]),
+        iterations=last_update(),
+    )
+    rows = by_seed.group_by(*LEARNER, maintain_order=True).agg(
+        **{column: pl.col(column).mean() if column in COUNTS else mean_range(pl.col(column)) for column in metrics},
+        **{column: mean_range(pl.col(column)) for column in updated},
+        iteration_seconds=pl.col("iteration_seconds").mean(),
+        seconds_to_level=_level_by_level(pl.col("seconds_to_level")),
+        iterations=pl.col("iterations").first(),
+    )
+    seconds = pl.col("iteration_seconds")
+    fastest = seconds.filter(is_learner()).min().over("group")
+    return rows.with_columns(name(), seconds_ratio=seconds / fastest)
+
+
+def is_learner() -> pl.Expr:
+    """Is a row one of a network's learner, and not of a central method?"""
+    return pl.col("learner").str.starts_with("learner")
+
+
 def _level_by_level(times: pl.Expr) -> pl.Expr:
     return pl.concat_list([mean_of_all(times.list.get(index)) for index in range(len(SUCCESS_LEVELS))])
-
-
-MEASURES: Mapping[str, Measure] = {
-    "violation_rate": Measure(at_end("violation_rate")),
-    "success_rate": Measure(at_end("success_rate")),
-    "iteration_seconds": Measure(VALUE.filter(is_metric("seconds")).mean(), pl.Expr.mean),
-    "seconds_to_level": Measure(pl.concat_list([time_to(level) for level in SUCCESS_LEVELS]), _level_by_level),
-    "gradient_steps": Measure(at_end("gradient_steps"), pl.Expr.mean),
-    "policy_solves": Measure(at_end("policy_solves"), pl.Expr.mean),
-    "iterations": Measure(last_update(), pl.Expr.first),
-}
-"""What every benchmark shows of a row. Times in seconds."""

@@ -1,50 +1,35 @@
-"""What a benchmark is to show, and whether it does: limits on the measures of rows."""
+"""What a benchmark is to show, and whether it does: limits on the measures of rows, by label."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import Any
 
 import polars as pl
 
-from mabirds_bringup.bench.cases import MABIRDS
+from mabirds_bringup.bench.study import TargetSettings
 from mabirds_bringup.bench.tables import Column, number
 
-NAME = pl.col("name")
+SCHEMA = pl.Schema(
+    {"name": pl.String, "value": pl.Float64, "target": pl.Float64, "at_most": pl.Boolean, "met": pl.Boolean}
+)
 
 
-@dataclass(frozen=True)
-class Limit:
-    """What a figure of a row may at most be, or is at least to be, by label; other labels have no limit."""
-
-    words: str
-    value: pl.Expr
-    by_label: Mapping[str, float]
-    at_most: bool = False
-
-    def targets(self, rows: pl.DataFrame, name: pl.Expr) -> pl.DataFrame:
-        """Targets of the rows that have a value and a limit, with ``row``."""
-        return rows.select(
-            "row",
-            name=pl.concat_str(name, pl.lit(self.words), separator=" "),
-            value=self.value.cast(pl.Float64),
-            target=pl.col("label").replace_strict(self.by_label, default=None, return_dtype=pl.Float64),
-            at_most=pl.lit(self.at_most),
-        ).drop_nulls()
+def targets_of(settings: TargetSettings, rows: pl.DataFrame) -> pl.DataFrame:
+    """Targets of the rows that have the measure and a limit: name, value, target, at_most, met."""
+    of_groups = rows.filter(pl.col("group").is_in(settings.groups))
+    if settings.measure not in rows.columns:
+        return pl.DataFrame(schema=SCHEMA)
+    sides = ((settings.at_most, True), (settings.at_least, False))
+    limits = (_limits(settings.measure, by_label, at_most, of_groups) for by_label, at_most in sides)
+    return pl.concat([pl.DataFrame(schema=SCHEMA), *map(judged, limits)])
 
 
-@dataclass(frozen=True)
-class Limits:
-    """Limits of the rows of a group, which targets call ``name``."""
-
-    group: str
-    limits: Sequence[Limit]
-    name: pl.Expr = NAME
-
-    def targets(self, rows: pl.DataFrame) -> pl.DataFrame:
-        """MetricsRow by row: name, value, target, at_most, met."""
-        own = rows.filter(group=self.group).with_row_index("row")
-        found = pl.concat([limit.targets(own, self.name) for limit in self.limits])
-        return judged(found.sort("row", maintain_order=True).drop("row"))
+def _limits(measure: str, by_label: Mapping[str, float], at_most: bool, rows: pl.DataFrame) -> pl.DataFrame:  # noqa: FBT001
+    return rows.select(
+        name=pl.concat_str("group", pl.lit(": "), "name", pl.lit(f" {measure}")),
+        value=mean_of(rows, measure).cast(pl.Float64),
+        target=pl.col("label").replace_strict(by_label, default=None, return_dtype=pl.Float64),
+        at_most=pl.lit(at_most),
+    ).drop_nulls()
 
 
 def judged(targets: pl.DataFrame) -> pl.DataFrame:
@@ -53,16 +38,10 @@ def judged(targets: pl.DataFrame) -> pl.DataFrame:
     return targets.with_columns(met=pl.when("at_most").then(value <= target).otherwise(value >= target))
 
 
-def mean_of(measure: str) -> pl.Expr:
-    """The mean of a mean and range."""
-    return pl.col(measure).struct.field("mean")
-
-
-def slower_than_learners() -> Limit:
-    """Methods with an inner loop cost at least five times as much per iteration as the fastest learner."""
-    seconds = pl.col("iteration_seconds")
-    fastest = seconds.filter(pl.col("label") == MABIRDS).min().fill_null(1.0)
-    return Limit("time per iteration / MA-BIRDS", seconds / fastest, {"FTL": 5.0, "DLM": 5.0})
+def mean_of(rows: pl.DataFrame, measure: str) -> pl.Expr:
+    """The measure, or the mean of a mean and range."""
+    column = pl.col(measure)
+    return column.struct.field("mean") if isinstance(rows.schema[measure], pl.Struct) else column
 
 
 def _limit_text(cell: Mapping[str, Any]) -> str:
@@ -70,7 +49,7 @@ def _limit_text(cell: Mapping[str, Any]) -> str:
 
 
 COLUMNS = (
-    Column("", NAME),
+    Column("", pl.col("name")),
     Column("value", pl.col("value"), number(".3f")),
     Column("target", pl.struct("at_most", "target"), _limit_text),
     Column("", pl.col("met"), lambda met: "met" if met else "missed"),

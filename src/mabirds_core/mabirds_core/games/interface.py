@@ -208,11 +208,26 @@ class Judge(Protocol):
         """Which of ``count`` iterations, from 1 on, are judged: always the first and the last."""
         ...
 
-    def imitation(self, policy: Any, seed: int) -> ImitationMetrics:
-        """CVR and SR of a policy; ``seed``: of rollouts, where it takes some."""
+    def imitation(self, policy: Any, seed: int, rollouts: int | None = None) -> ImitationMetrics:
+        """CVR and SR of a policy.
+
+        Parameters
+        ----------
+        policy : Any
+            Of the game.
+        seed : int
+            Of rollouts, where the judge takes some.
+        rollouts : int or None
+            How many it takes then; None: as many as it does by itself.
+
+        Returns
+        -------
+        ImitationMetrics
+            Exact, or shares of the rollouts.
+        """
         ...
 
-    def distance(self, policies: Sequence[Any], seed: int) -> float:
+    def distance(self, policies: Sequence[Any], seed: int, rollouts: int | None = None) -> float:
         """Largest total variation distance between what two of the policies do, in [0, 1]."""
         ...
 
@@ -279,8 +294,29 @@ class Game(ConstrainedMarkovGame, Protocol):
         """Experts of one of ``expert_kinds``; ``side``: on which they pass obstacles, where they have a choice."""
         ...
 
+    def measures(self, omega: Vector, demonstrations: Trajectories) -> Mapping[str, Mapping[str, float]]:
+        """What reports of studies say of this game beside rates; nothing where there is no more to say.
+
+        Parameters
+        ----------
+        omega : Vector
+            Learned cost weights, shape (K,).
+        demonstrations : Trajectories
+            Of all learners.
+
+        Returns
+        -------
+        Mapping
+            By measure, such as ``obstacle_cost``, a value for each thing that it measures, by a name for people.
+        """
+        ...
+
     def figure(self, learned: Mapping[str, Learned], threshold: float, seed: int) -> Any:
         """A picture (matplotlib's Figure) of what learners or methods, by name, ended with."""
+        ...
+
+    def demonstrations_figure(self, demonstrations: Trajectories) -> Any:
+        """A picture of the game with some demonstrations; None where there is none."""
         ...
 
 

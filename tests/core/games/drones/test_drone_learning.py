@@ -31,10 +31,8 @@ from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.lattice import LatticePlanner, LatticePolicy
 from mabirds_core.games.drones.rewards import LinearDroneReward, NeuralDroneReward, TrueDroneReward
 from mabirds_core.games.drones.rollouts import drone_rollouts
-from mabirds_core.games.drones.study import drone_game
 from mabirds_core.games.interface import Trajectories, discounted_visitation
 from mabirds_core.games.patrol.game import PatrolGame
-from mabirds_core.games.patrol.study import patrol_game
 from mabirds_core.planners.soft_bellman import soft_bellman_policy
 
 NEURAL = {"algorithm.reward": {"kind": "neural", "hidden": 4, "bound": 5.0}}
@@ -177,15 +175,6 @@ def test_me_greedy_is_refused_for_drones(call: Any) -> None:
         call(*arguments)
 
 
-def test_games_of_the_other_kind_are_refused() -> None:
-    assert isinstance(patrol_game(experiment()), PatrolGame)
-    assert isinstance(drone_game(drone_experiment()), DroneGame)
-    with pytest.raises(ExperimentError, match="drones: the game is drones, expected patrol"):
-        patrol_game(drone_experiment())
-    with pytest.raises(ExperimentError, match="tiny: the game is patrol, expected drones"):
-        drone_game(experiment())
-
-
 @pytest.mark.parametrize(("changes", "model"), [({}, LinearDroneReward), (NEURAL, NeuralDroneReward)])
 def test_the_reward_model_is_that_of_the_settings(changes: dict[str, Any], model: type[Any]) -> None:
     settings = drone_experiment(changes)
@@ -204,7 +193,7 @@ def me_gradient(of: Experiment) -> Bics:
 def test_me_gradient_of_patrols_ascends_the_likelihood_under_the_true_reward() -> None:
     """Its first step is alpha(1) times the gradient of the mean log-likelihood, by central finite differences."""
     settings = experiment({"algorithm.expectation": "exact", "baselines": {"me_gradient": {}}})
-    game = patrol_game(settings)
+    game = PatrolGame(settings.game)
     seen = stacked([stream[0] for stream in demonstrations(settings).values()])
 
     def likelihood(omega: Any) -> float:

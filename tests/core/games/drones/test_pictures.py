@@ -29,7 +29,6 @@ from mabirds_core.games.drones.pictures import (
     draw_distance_costs,
     draw_trajectories,
 )
-from mabirds_core.games.drones.study import drone_game
 
 MakeExperiment = Callable[..., Path]
 

@@ -33,13 +33,14 @@ class RolloutJudge:
         """Rollouts of a policy, the same for every learner and iteration but for what it decides."""
         return drone_rollouts(self.game, policy, count, np.random.default_rng([seed, EVAL_ROLLOUTS]))
 
-    def imitation(self, policy: DronePolicy, seed: int) -> ImitationMetrics:
+    def imitation(self, policy: DronePolicy, seed: int, rollouts: int | None = None) -> ImitationMetrics:
         """CVR and SR of a policy's rollouts."""
-        return drone_imitation(self.game, self.rollouts(policy, seed))
+        return drone_imitation(self.game, self.rollouts(policy, seed, rollouts or EVAL_ROLLOUTS))
 
-    def distance(self, policies: Sequence[DronePolicy], seed: int) -> float:
+    def distance(self, policies: Sequence[DronePolicy], seed: int, rollouts: int | None = None) -> float:
         """Distance of the policies' place visitations."""
-        return visitation_distance([place_visitation(self.game, self.rollouts(policy, seed)) for policy in policies])
+        drawn = (self.rollouts(policy, seed, rollouts or EVAL_ROLLOUTS) for policy in policies)
+        return visitation_distance([place_visitation(self.game, trajectories) for trajectories in drawn])
 
     def log_likelihoods(self, policy: Any, demonstrations: Trajectories) -> None:
         """Not said: policies of the lattice interpolate, and their densities are not normalised."""

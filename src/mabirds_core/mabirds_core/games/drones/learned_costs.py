@@ -1,5 +1,7 @@
 """What learned cost weights omega mean: the cost -omega^T phi of places, ways and distances, in units of reward."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from mabirds_core.arrays import Array, Vector
@@ -81,3 +83,45 @@ def closeness_costs(game: DroneGame, omega: Vector) -> Vector:
         for pair in range(len(game.pairs))
     ]
     return np.array(dearer)
+
+
+def measures(game: DroneGame, omega: Vector, demonstrations: Trajectories) -> Mapping[str, Mapping[str, float]]:
+    """What obstacles and closeness are learned to cost, and whether that is dear.
+
+    Parameters
+    ----------
+    game : DroneGame
+        Whose places and distances cost something.
+    omega : Vector
+        Learned cost weights, shape (K,).
+    demonstrations : Trajectories
+        Of all learners.
+
+    Returns
+    -------
+    Mapping
+        ``obstacle_cost`` and ``rim_cost``: mean cost of where a drone would touch an obstacle, and of that disc's rim;
+        ``demonstrated_cost``: of where that drone was shown; ``obstacle_dearer``: 1 where both cost more than that,
+        else 0; ``closeness_cost``: by how much distances below the least cost more than ``FAR``; ``closeness_dearer``:
+        1 where that is more than 0.
+    """
+    inside, border = obstacle_costs(game, omega)
+    shown = np.broadcast_to(trajectory_costs(game, omega, demonstrations)[:, None], inside.shape)
+    by_obstacle = {
+        "obstacle_cost": inside,
+        "rim_cost": border,
+        "demonstrated_cost": shown,
+        "obstacle_dearer": np.minimum(inside, border) > shown,
+    }
+    closeness = closeness_costs(game, omega)
+    by_pair = {"closeness_cost": closeness, "closeness_dearer": closeness > 0}
+    places = [f"({x:g}, {y:g}) m" for x, y in (obstacle.centre for obstacle in game.settings.obstacles)]
+    obstacles = [f"{place}, drone {drone + 1}" for place in places for drone in range(game.n_experts)]
+    pairs = [f"drones {first + 1} and {second + 1}" for first, second in game.pairs]
+    return {
+        **{
+            name: dict(zip(obstacles, map(float, values.T.ravel()), strict=True))
+            for name, values in by_obstacle.items()
+        },
+        **{name: dict(zip(pairs, map(float, values), strict=True)) for name, values in by_pair.items()},
+    }

@@ -18,7 +18,7 @@ from mabirds_core.arrays import Array, Vector
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.judge import RolloutJudge
 from mabirds_core.games.drones.learned_costs import distance_costs, place_costs
-from mabirds_core.games.interface import Learned
+from mabirds_core.games.interface import Learned, Trajectories
 
 COLOURS = ("tab:red", "tab:blue", "tab:green", "tab:orange", "tab:purple", "tab:brown")
 """Colours of the drones, in turn."""
@@ -113,6 +113,22 @@ def draw_distance_costs(axis: Axes, game: DroneGame, omegas: dict[str, Vector]) 
 
 
 SHOWN_ROLLOUTS = 15
+SHOWN_DEMONSTRATIONS = 40
+LABEL_BOX = {"boxstyle": "round,pad=0.2", "fc": "white", "ec": "none", "alpha": 0.85}
+
+
+def demonstrations_figure(game: DroneGame, demonstrations: Trajectories) -> Figure:
+    """As Figure 4a of the paper: the arena, and the first demonstrations of all drones."""
+    shown = demonstrations.states[:SHOWN_DEMONSTRATIONS]
+    figure, axis = plt.subplots(figsize=(5, 5.3), layout="constrained")
+    draw_arena(axis, game)
+    draw_trajectories(axis, game.positions(shown), range(game.n_experts))
+    for drone, task in enumerate(game.settings.drones):
+        for name, place in (("start", task.start), ("goal", task.goal_region.centre)):
+            axis.annotate(f"{name} {drone + 1}", place, ha="center", va="center", fontsize=8, bbox=LABEL_BOX)
+    width, depth = game.settings.arena
+    axis.set_title(f"{len(shown)} demonstrations, arena {width:g} m x {depth:g} m", fontsize=9)
+    return figure
 
 
 def arena_figure(game: DroneGame, judge: RolloutJudge, learned: Mapping[str, Learned], seed: int) -> Figure:

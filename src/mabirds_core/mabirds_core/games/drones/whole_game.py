@@ -3,14 +3,16 @@
 from collections.abc import Mapping
 from typing import Any
 
+from mabirds_core.arrays import Vector
 from mabirds_core.extras import require
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.judge import RolloutJudge
+from mabirds_core.games.drones.learned_costs import measures
 from mabirds_core.games.drones.planner_checks import suits_lattice
 from mabirds_core.games.drones.planner_settings import LatticeSettings, SoftActorCriticSettings
 from mabirds_core.games.drones.rewards import DroneRewardModel, LinearDroneReward, NeuralDroneReward, TrueDroneReward
 from mabirds_core.games.drones.rollouts import SampledDroneOccupancy
-from mabirds_core.games.interface import Experts, Learned
+from mabirds_core.games.interface import Experts, Learned, Trajectories
 from mabirds_core.planners.interface import Planner
 from mabirds_core.registry import build
 
@@ -64,11 +66,21 @@ class WholeDroneGame(DroneGame):
 
         return Pilots(self, side)
 
+    def measures(self, omega: Vector, demonstrations: Trajectories) -> Mapping[str, Mapping[str, float]]:
+        """What obstacles and closeness are learned to cost."""
+        return measures(self, omega, demonstrations)
+
     def figure(self, learned: Mapping[str, Learned], threshold: float, seed: int) -> Any:  # noqa: ARG002 - costs
         """The arena by name and drone: what places cost, some rollouts, and what distances cost."""
         from mabirds_core.games.drones.pictures import arena_figure  # matplotlib is for reports
 
         return arena_figure(self, self.judge, learned, seed)
+
+    def demonstrations_figure(self, demonstrations: Trajectories) -> Any:
+        """The arena with demonstrations of all drones."""
+        from mabirds_core.games.drones.pictures import demonstrations_figure
+
+        return demonstrations_figure(self, demonstrations)
 
 
 def build_lattice(settings: LatticeSettings, game: DroneGame, reward: DroneRewardModel) -> Planner:

@@ -1,6 +1,6 @@
 """Patrol maps: obstacles, starts, goals, visits, learned constraints and ways."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import matplotlib as mpl
 
@@ -14,6 +14,9 @@ from mabirds_core.arrays import Array, Mask
 from mabirds_core.games.interface import Learned, Trajectories
 from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_core.games.patrol.visits import visits
+
+MAX_DEMONSTRATIONS = 12
+"""More lines than these could not be told apart."""
 
 MAX_STARTS = 24
 """More starts than these would hide the map."""
@@ -40,24 +43,38 @@ def draw_map(
     axis.set_yticks([])
 
 
-def draw_paths(axis: Axes, game: PatrolGame, expert: int, demonstrations: Sequence[Trajectories]) -> None:
+def draw_paths(axis: Axes, game: PatrolGame, expert: int, demonstrations: Trajectories) -> None:
     """One thin line per demonstration, each shifted a little so that all can be seen."""
-    for offset, shown in zip(np.linspace(-0.25, 0.25, len(demonstrations)), demonstrations, strict=True):
-        rows, columns = np.divmod(game.cells(shown.states[0])[expert], game.width)
+    offsets = np.linspace(-0.25, 0.25, len(demonstrations.states))
+    for offset, states in zip(offsets, demonstrations.states, strict=True):
+        rows, columns = np.divmod(game.cells(states)[expert], game.width)
         axis.plot(columns + offset, rows + offset, color="tab:blue", linewidth=0.8, alpha=0.7)
 
 
+def demonstrations_figure(game: PatrolGame, demonstrations: Trajectories) -> Figure:
+    """As Figure 2a of the paper: a map of each expert with starts, goal, and the first demonstrations."""
+    shown = Trajectories(*(steps[:MAX_DEMONSTRATIONS] for steps in demonstrations))
+    size = (3 * game.n_experts, 3.2)
+    figure, axes = plt.subplots(1, game.n_experts, figsize=size, squeeze=False, layout="constrained")
+    for expert, axis in enumerate(axes[0]):
+        draw_map(axis, game, expert)
+        draw_paths(axis, game, expert, shown)
+        axis.set_title(f"expert {expert + 1}", fontsize=9)
+    figure.suptitle(f"{len(shown.states)} demonstrations; S starts, G goal, grey obstacles", fontsize=9)
+    return figure
+
+
 def map_figure(game: PatrolGame, learned: Mapping[str, Learned]) -> Figure:
-    """A panel per name and expert: visitation in blue, learned constraints as red crosses, obstacles in grey."""
-    size = (2.6 * game.n_experts + 0.8, 2.8 * len(learned))
-    figure, axes = plt.subplots(len(learned), game.n_experts, figsize=size, squeeze=False, layout="constrained")
-    for row, (name, (policy, _, constrained)) in zip(axes, learned.items(), strict=True):
+    """A column per name, a row per expert: visitation in blue, learned constraints as red crosses, obstacles grey."""
+    size = (2.6 * len(learned) + 0.8, 2.8 * game.n_experts)
+    figure, axes = plt.subplots(game.n_experts, len(learned), figsize=size, squeeze=False, layout="constrained")
+    for column, (name, (policy, _, constrained)) in zip(axes.T, learned.items(), strict=True):
         visited = visits(game, policy)
-        for expert, axis in enumerate(row):
+        for expert, axis in enumerate(column):
             cells = slice(expert * game.n_cells, (expert + 1) * game.n_cells)
             draw_map(axis, game, expert, visited[expert], constrained[cells])
             axis.set_title(f"{name}: expert {expert + 1}", fontsize=9)
-        row[0].set_ylabel(_joint_constraints(constrained), fontsize=7)
+        column[-1].set_xlabel(_joint_constraints(constrained), fontsize=7)
     figure.suptitle("learned policy (blue), learned constraints (red), true obstacles (grey)", fontsize=10)
     return figure
 

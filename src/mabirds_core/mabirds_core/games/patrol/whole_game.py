@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from mabirds_core.games.interface import Learned
+from mabirds_core.games.interface import Learned, Trajectories
 from mabirds_core.games.patrol.game import PatrolGame
 
 
@@ -15,3 +15,9 @@ class WholePatrolGame(PatrolGame):
         from mabirds_core.games.patrol.pictures import map_figure  # matplotlib is for reports
 
         return map_figure(self, learned)
+
+    def demonstrations_figure(self, demonstrations: Trajectories) -> Any:
+        """A map of each expert with the ways that it took in the first demonstrations."""
+        from mabirds_core.games.patrol.pictures import demonstrations_figure
+
+        return demonstrations_figure(self, demonstrations)

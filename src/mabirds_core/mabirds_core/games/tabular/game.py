@@ -10,7 +10,7 @@ import numpy as np
 
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Vector
-from mabirds_core.games.interface import Experts, Learned, TabularGame
+from mabirds_core.games.interface import Experts, Learned, TabularGame, Trajectories
 from mabirds_core.games.tabular.constraint_test import NeutralGame
 from mabirds_core.games.tabular.experts import KINDS, TabularExperts
 from mabirds_core.games.tabular.judge import ExactJudge
@@ -61,8 +61,16 @@ class EnumerableGame:
         """Optimal ones, or those of maximum entropy."""
         return TabularExperts(KINDS[kind](self))
 
+    def measures(self, omega: Vector, demonstrations: Trajectories) -> Mapping[str, Mapping[str, float]]:  # noqa: ARG002
+        """Nothing that rates and constraint errors do not say."""
+        return {}
+
     def figure(self: TabularGame, learned: Mapping[str, Learned], threshold: float, seed: int) -> Any:  # noqa: ARG002
         """What the dearest features were learned to cost."""
         from mabirds_core.games.tabular.pictures import costs_figure  # matplotlib is for reports
 
         return costs_figure(self, learned, threshold)
+
+    def demonstrations_figure(self, demonstrations: Trajectories) -> Any:  # noqa: ARG002
+        """None: where joint states lie, only the game knows."""
+        return None

@@ -24,11 +24,11 @@ class ExactJudge:
         """Iterations to judge: all, as each takes milliseconds."""
         return list(range(1, count + 1))
 
-    def imitation(self, policy: TabularPolicy, seed: int) -> ImitationMetrics:  # noqa: ARG002 - nothing is drawn
+    def imitation(self, policy: TabularPolicy, seed: int, rollouts: int | None = None) -> ImitationMetrics:  # noqa: ARG002 - nothing is drawn
         """CVR and SR of a policy, exactly."""
         return exact_imitation(self.game, policy)
 
-    def distance(self, policies: Sequence[TabularPolicy], seed: int) -> float:  # noqa: ARG002 - nothing is drawn
+    def distance(self, policies: Sequence[TabularPolicy], seed: int, rollouts: int | None = None) -> float:  # noqa: ARG002 - nothing is drawn
         """Distance of the policies' occupancy measures."""
         return policy_distance(self.game, policies)
 

@@ -1,1 +1,0 @@
-"""``mabirds bench continuous``: the experiment with drones, all methods and both ways to find policies."""

@@ -1,0 +1,222 @@
+"""A study: a file that declares which experiments are learned how, and what its report shows and is to show."""
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field, ValidationError, model_validator
+
+from mabirds_core.errors import ExperimentError, MabirdsError
+from mabirds_core.experiment.file import Experiment, load_experiment
+from mabirds_core.settings import Settings
+from mabirds_core.yaml_files import read_yaml
+
+PACKAGED = Path(__file__).parents[1] / "studies"
+"""Where the studies of the package are."""
+
+MABIRDS = "MA-BIRDS"
+"""The label of the network of learners."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One way to learn one experiment.
+
+    Attributes
+    ----------
+    group, label : str
+        Its place in the results.
+    experiment : Experiment
+        What is learned.
+    method : str or None
+        A central method; None: the network of learners.
+    own_policies : bool
+        Are the policies that the learner itself planned judged, too?
+    rollouts : int or None
+        How many judge the last policies, where the judge takes some; a tenth of them judge the others.
+    """
+
+    group: str
+    label: str
+    experiment: Experiment
+    method: str | None = None
+    own_policies: bool = False
+    rollouts: int | None = None
+
+    def seeded(self, seed: int) -> Experiment:
+        """The experiment with demonstrations and rollouts of their own."""
+        demonstrations = self.experiment.demonstrations.model_copy(update={"seed": seed})
+        return self.experiment.model_copy(update={"seed": seed, "demonstrations": demonstrations})
+
+
+class CaseSettings(Settings):
+    """One line of a group."""
+
+    label: str = Field(MABIRDS, min_length=1, description="in tables and pictures")
+    experiment: str = Field("main", description="one of the study's")
+    method: str | None = Field(None, description="a central method; none: the network of learners")
+    changes: dict[str, Any] = Field(
+        {}, description="settings in place of the experiment's; a mapping with a kind is whole"
+    )
+
+
+class GroupSettings(Settings):
+    """Cases that are compared with each other."""
+
+    title: str
+    cases: tuple[CaseSettings, ...] = Field(min_length=1)
+    own_policies: bool = Field(False, description="judge the policies that learners planned themselves, too")
+    pictures: tuple[Literal["learned", "thresholds", "rates", "consensus"], ...] = ("rates",)
+    shown: tuple[str, ...] | None = Field(None, description="labels whose learned policies are pictured; none: all")
+
+
+class TargetSettings(Settings):
+    """What a measure is to be, by label."""
+
+    measure: str
+    groups: tuple[str, ...]
+    at_most: dict[str, float] = Field({}, description="limits by label")
+    at_least: dict[str, float] = Field({}, description="limits by label")
+
+
+class TableSettings(Settings):
+    """Measures of a game, a line for each thing that they measure, over the learners of a case and seeds."""
+
+    title: str
+    group: str
+    label: str = MABIRDS
+    columns: dict[str, str] = Field(description="title: measure")
+
+
+class Study(Settings):
+    """A study file; ``mabirds_bringup/studies`` has two."""
+
+    title: str = Field(description="may name settings of the experiments, such as {main.iterations}")
+    note: str = Field(description="how to read the report; may name {rollouts} and {fewer}")
+    experiments: dict[str, Path] = Field(min_length=1, description="files by name, relative to the study's")
+    groups: dict[str, GroupSettings] = Field(min_length=1)
+    columns: dict[str, str] = Field(description="title: measure, a mean and range over seeds")
+    tables: tuple[TableSettings, ...] = ()
+    targets: tuple[TargetSettings, ...] = ()
+    rollouts: int | None = Field(
+        None, ge=20, le=100_000, description="that judge the last policies, a tenth the others"
+    )
+    packages: tuple[str, ...] = Field(("numpy",), description="on which times depend")
+
+    @model_validator(mode="after")
+    def _names_fit(self) -> "Study":
+        cases = {case.experiment for group in self.groups.values() for case in group.cases}
+        groups = {name for target in self.targets for name in target.groups} | {table.group for table in self.tables}
+        if missing := sorted(cases - self.experiments.keys()):
+            raise ExperimentError(f"experiment {missing[0]!r}: the study has {sorted(self.experiments)}")
+        if missing := sorted(groups - self.groups.keys()):
+            raise ExperimentError(f"group {missing[0]!r}: the study has {sorted(self.groups)}")
+        return self
+
+
+@dataclass(frozen=True)
+class LoadedStudy:
+    """A study with its experiments, each of at most so many ``iterations``."""
+
+    settings: Study
+    experiments: Mapping[str, Experiment]
+
+    @cached_property
+    def cases(self) -> tuple[Case, ...]:
+        """All cases, in order."""
+        return tuple(self._cases())
+
+    def _cases(self) -> Iterator[Case]:
+        for name, group in self.settings.groups.items():
+            for case in group.cases:
+                experiment = _changed(f"{name}, {case.label}", self.experiments[case.experiment], case.changes)
+                yield Case(name, case.label, experiment, case.method, group.own_policies, self.settings.rollouts)
+
+
+def packaged_studies() -> tuple[str, ...]:
+    """Names of the studies of the package."""
+    return tuple(sorted(path.stem for path in PACKAGED.glob("*.yaml")))
+
+
+def load_study(
+    name: str, files: Mapping[str, Path] | None = None, iterations: int | None = None, rollouts: int | None = None
+) -> LoadedStudy:
+    """Read and check a study and its experiments.
+
+    Parameters
+    ----------
+    name : str
+        Of a study of the package, or the path of a file.
+    files : Mapping
+        Experiment files in place of the study's, by the names that it gives them.
+    iterations : int or None
+        Of each experiment, at most.
+    rollouts : int or None
+        In place of the study's.
+
+    Returns
+    -------
+    LoadedStudy
+        The study.
+
+    Raises
+    ------
+    ExperimentError
+        Where there is no such study, or something in it is wrong.
+    """
+    path = PACKAGED / f"{name}.yaml" if name in packaged_studies() else Path(name)
+    settings = _read(path)
+    if unknown := sorted((files or {}).keys() - settings.experiments.keys()):
+        raise ExperimentError(f"{path}: no experiment {unknown[0]!r}, expected one of {sorted(settings.experiments)}")
+    places = {key: path.parent / file for key, file in settings.experiments.items()} | dict(files or {})
+    if rollouts is not None:
+        settings = settings.model_copy(update={"rollouts": rollouts})
+    loaded = {key: load_experiment(place) for key, place in places.items()}
+    return LoadedStudy(settings, {key: _truncated(experiment, iterations) for key, experiment in loaded.items()})
+
+
+def _read(path: Path) -> Study:
+    try:
+        content = json.dumps(read_yaml(path), default=str)
+        return Study.model_validate_json(content, strict=True)  # as experiments: true is no number, nor is "12"
+    except OSError as error:
+        choice = ", ".join(packaged_studies())
+        raise ExperimentError(f"{path}: {error.strerror}; give a study's file, or one of {choice}") from None
+    except ValidationError as error:
+        wrong = (f"{'.'.join(map(str, problem['loc']))}: {problem['msg']}" for problem in error.errors())
+        raise ExperimentError(f"{path}: {'; '.join(wrong)}") from None
+    except ValueError as error:
+        raise ExperimentError(f"{path}: is not YAML: {error}") from None
+    except MabirdsError as error:
+        raise ExperimentError(f"{path}: {error}") from None
+
+
+def _truncated(experiment: Experiment, iterations: int | None) -> Experiment:
+    return experiment.model_copy(update={"iterations": min(iterations or experiment.iterations, experiment.iterations)})
+
+
+def _changed(case: str, experiment: Experiment, changes: Mapping[str, Any]) -> Experiment:
+    """The experiment with other settings, checked again."""
+    if not changes:
+        return experiment
+    try:
+        return Experiment.model_validate(merged(experiment.model_dump(mode="json"), changes))
+    except (ValidationError, MabirdsError) as error:
+        raise ExperimentError(f"{case}: {error}") from None
+
+
+def merged(content: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """``content`` with what ``changes`` says, level by level; a mapping with a kind takes the old one's place.
+
+    >>> merged({"a": {"x": 1, "y": 2}, "b": {"kind": "u", "z": 3}}, {"a": {"x": 5}, "b": {"kind": "v"}})
+    {'a': {'x': 5, 'y': 2}, 'b': {'kind': 'v'}}
+    """
+    return {**content, **{name: _merged(content.get(name), value) for name, value in changes.items()}}
+
+
+def _merged(before: Any, value: Any) -> Any:
+    both = isinstance(before, dict) and isinstance(value, dict) and "kind" not in value
+    return merged(before, value) if both else value
