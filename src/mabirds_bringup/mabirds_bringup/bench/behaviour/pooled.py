@@ -46,9 +46,9 @@ def pooled_optimum(game: TabularGame, demonstrations: Trajectories, held_out: Tr
     def on_iteration(x: Vector) -> None:
         best[0] = max(best[0], likelihood(x))
 
-    objective: Any = loss  # scipy's types know no arrays of any shape
-    end = minimize(
-        objective,
+    solver: Any = minimize  # scipy's types know no arrays of any shape
+    end = solver(
+        loss,
         np.zeros(len(observed)),
         jac=True,
         method="L-BFGS-B",
