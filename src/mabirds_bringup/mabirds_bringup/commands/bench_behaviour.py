@@ -19,7 +19,7 @@ def behaviour(  # noqa: PLR0913, PLR0917 - the options of a command
     maps: Annotated[int, typer.Option(help="How many random games.", min=2, max=10_000)] = 20,
     first_seed: FirstSeed = FIRST_SEED,
     central_maps: Annotated[
-        int, typer.Option(help="On so many of them central methods learn, too; they take the most time.", min=0)
+        int, typer.Option(help="On so many of them others learn, too: the paper's steps and central methods.", min=0)
     ] = 4,
     demonstrations: Annotated[int, typer.Option(help="Of each learner.", min=2, max=10_000)] = 40,
     game: Annotated[str, typer.Option(help="Kind of game; one that can be drawn at random.")] = "",

@@ -28,7 +28,9 @@ Row = dict[str, Any]
 
 
 def run_trial(seed: int, game_kind: str, methods: Sequence[str], demonstrations: int) -> list[Row]:
-    """One row per method and learner of the problem with this seed; ``methods``: central ones to run beside."""
+    """One row per method and learner of the problem with this seed; ``methods``: central ones beside, and the paper's
+    steps with them.
+    """
     problem = draw(seed, game_kind, demonstrations)
     experiment, game = problem.experiment, tabular_game(problem.experiment)
     optimum = pooled_optimum(game, problem.pooled, problem.held_out)
@@ -44,11 +46,10 @@ def run_trial(seed: int, game_kind: str, methods: Sequence[str], demonstrations:
         "expert_nats": float(log_likelihoods(game, experts, problem.held_out).mean()),
     }
     judged = _Judged(problem, game, experts, touch_without(game))
-    rows = [
-        *judged.rows(MABIRDS, experiment, simulate(experiment, problem.streams)),
-        *judged.rows(PAPER, with_paper_steps(experiment), simulate(with_paper_steps(experiment), problem.streams)),
-        *judged.counting(),
-    ]
+    rows = [*judged.rows(MABIRDS, experiment, simulate(experiment, problem.streams)), *judged.counting()]
+    if methods:
+        paper = with_paper_steps(experiment)
+        rows += judged.rows(PAPER, paper, simulate(paper, problem.streams))
     for method in methods:
         rows += judged.rows(method, experiment, simulate_central(experiment, method, problem.streams))
     return [{**common, **row} for row in rows]
