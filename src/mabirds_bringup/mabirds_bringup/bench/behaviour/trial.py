@@ -28,8 +28,9 @@ Row = dict[str, Any]
 
 
 def run_trial(seed: int, game_kind: str, methods: Sequence[str], demonstrations: int) -> list[Row]:
-    """One row per method and learner of the problem with this seed; ``methods``: central ones beside, and the paper's
-    steps with them.
+    """One row per method and learner of the problem with this seed.
+
+    ``methods``: central ones that learn beside, and the paper's steps with them.
     """
     problem = draw(seed, game_kind, demonstrations)
     experiment, game = problem.experiment, tabular_game(problem.experiment)
