@@ -9,7 +9,9 @@ from pydantic import ValidationError
 
 from mabirds_core.algorithm.gradient import GradientEstimator
 from mabirds_core.algorithm.learner import Learner, LearnerState
-from mabirds_core.algorithm.parameters import Parameters, StepSizes
+from mabirds_core.algorithm.memory import WindowMemory
+from mabirds_core.algorithm.paper_steps import PaperSteps
+from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Indices, Vector
 from mabirds_core.consensus.generators import complete_edges, static
 from mabirds_core.consensus.schedule import EdgeSchedule, both_ways
@@ -22,7 +24,7 @@ from mabirds_core.planners.occupancy import SampledOccupancy, rollouts
 from mabirds_core.planners.soft_bellman import SoftBellmanPlanner, soft_bellman_policy
 from mabirds_core.rewards.models import LinearReward
 
-STEPS = StepSizes(alpha=3.0, beta=0.7, eta1=0.6, eta2=0.9)
+STEPS = PaperSteps(alpha=3.0, beta=0.7, eta1=0.6, eta2=0.9)
 SLOTS = (both_ways([(0, 1), (1, 2)]), both_ways([(0, 2)]), frozenset({(0, 1), (1, 2), (2, 0)}))
 NAMES = ("a", "b", "c")
 SCHEDULE = EdgeSchedule(NAMES, SLOTS)
@@ -55,8 +57,8 @@ def learner(index: int, window: int = 1, seed: int = 5, expectation: OccupancyEs
     reward = LinearReward(game.reward_features)
     planner = SoftBellmanPlanner(game, reward, game.cost_features)
     sampled = expectation or SampledOccupancy(game, 4)
-    estimator, mixer = GradientEstimator(game, reward, planner, sampled), StrictMixer(NAMES[index], SCHEDULE)
-    return Learner(index, estimator, mixer, STEPS, window, seed)
+    estimator = GradientEstimator(game, reward, planner, sampled, "initial")
+    return Learner(index, estimator, StrictMixer(NAMES[index], SCHEDULE), STEPS, estimator.window(window), seed)
 
 
 def random_parameters(seed: int) -> Parameters:
@@ -65,8 +67,14 @@ def random_parameters(seed: int) -> Parameters:
     return Parameters(rng.normal(size=sizes[0]), rng.normal(size=sizes[1]))
 
 
-def state_at(iteration: int, parameters: Parameters) -> LearnerState:
-    return LearnerState(iteration, StrictState(parameters), ())
+def state_at(iteration: int, parameters: Parameters, window: int = 1) -> LearnerState:
+    return LearnerState(iteration, StrictState(parameters), learner(0, window).memory, {})
+
+
+def newest(state: LearnerState) -> tuple[Trajectories, ...]:
+    """The demonstrations of its window."""
+    assert isinstance(state.memory, WindowMemory)
+    return state.memory.newest
 
 
 def neighbours_of(index: int, iteration: int) -> dict[str, Parameters]:
@@ -115,7 +123,7 @@ def assert_same_bits(one: Parameters, other: Parameters) -> None:
 def test_five_updates_are_those_of_the_papers_equations(index: int, window: int) -> None:
     game = hallway()
     demonstrations = {n: some_trajectories(game, 1, seed=n) for n in range(1, 6)}
-    state = state_at(1, random_parameters(index))
+    state = state_at(1, random_parameters(index), window)
     for n in range(1, 6):
         imagined = some_trajectories(game, 4, seed=100 + n)
         neighbours = neighbours_of(index, n)
@@ -149,11 +157,9 @@ def test_a_state_remembers_the_last_demonstrations_newest_first() -> None:
     demonstrations = [some_trajectories(game, 1, seed=n) for n in range(4)]
     state = one.initial_state()
     for n, demonstration in enumerate(demonstrations, start=1):
-        assert len(state.recent) == min(n - 1, 2)
+        assert len(newest(state)) == min(n - 1, 3)
         state = one.step(state, demonstration, neighbours_of(1, n)).state
-    assert state.recent[0] is demonstrations[3]
-    assert state.recent[1] is demonstrations[2]
-    assert len(state.recent) == 2
+    assert [id(demonstration) for demonstration in newest(state)] == [id(demonstrations[k]) for k in (3, 2, 1)]
 
 
 def test_the_step_of_omega_decays_with_eta1_and_that_of_theta_with_eta2() -> None:
@@ -164,13 +170,13 @@ def test_the_step_of_omega_decays_with_eta1_and_that_of_theta_with_eta2() -> Non
 @pytest.mark.parametrize("wrong", [{"alpha": 0}, {"beta": -1}, {"eta1": 0.5}, {"eta2": 1}, {"alpha": np.nan}])
 def test_step_sizes_outside_the_assumptions_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(ValidationError, match=next(iter(wrong))):
-        StepSizes.model_validate({"alpha": 1, "beta": 1, **wrong})
+        PaperSteps.model_validate({"alpha": 1, "beta": 1, **wrong})
 
 
 def test_every_learner_starts_from_the_same_zeros() -> None:
     for index in range(3):
         state = learner(index).initial_state()
-        assert (state.iteration, state.recent) == (1, ())
+        assert (state.iteration, newest(state), state.rule) == (1, (), {})
         assert not state.parameters.theta.any()
         assert not state.parameters.omega.any()
         assert state.parameters.theta.shape == random_parameters(0).theta.shape
@@ -252,11 +258,11 @@ def test_parameters_over_a_closed_edge_are_refused() -> None:
 
 
 def test_an_update_leaves_what_it_was_given_as_it_was() -> None:
-    state, demonstration = state_at(1, random_parameters(1)), some_trajectories(hallway(), 1, seed=1)
+    state, demonstration = state_at(1, random_parameters(1), window=2), some_trajectories(hallway(), 1, seed=1)
     neighbours = neighbours_of(1, 1)
     learner(1, window=2).step(state, demonstration, neighbours)
     assert_same_bits(state.parameters, random_parameters(1))
-    assert state.recent == ()
+    assert newest(state) == ()
     for name, parameters in neighbours.items():
         assert_same_bits(parameters, random_parameters(NAMES.index(name)))
 
@@ -264,15 +270,15 @@ def test_an_update_leaves_what_it_was_given_as_it_was() -> None:
 def test_a_longer_window_over_one_repeated_demonstration_changes_nothing() -> None:
     game, demonstration = hallway(), some_trajectories(hallway(), 1, seed=1)
     single = learner(1, expectation=GivenRollouts(game, some_trajectories(game, 4, seed=2)))
-    state = state_at(5, random_parameters(1))
-    longer, repeated = replace(single, window=3), state._replace(recent=(demonstration, demonstration))
-    first, second = single.step(state, demonstration, {}), longer.step(repeated, demonstration, {})
+    state, window = state_at(5, random_parameters(1)), learner(1, window=3).memory
+    repeated = state._replace(memory=window.add(demonstration).add(demonstration))
+    first, second = single.step(state, demonstration, {}), single.step(repeated, demonstration, {})
     np.testing.assert_allclose(first.gradient.theta, second.gradient.theta, atol=1e-13)
     np.testing.assert_allclose(first.gradient.omega, second.gradient.omega, atol=1e-13)
 
 
 def test_parameters_that_leave_the_range_of_numbers_are_refused_with_a_remedy() -> None:
-    wild = replace(learner(0), steps=StepSizes(alpha=1e120, beta=1.0))
+    wild = replace(learner(0), steps=PaperSteps(alpha=1e120, beta=1.0))
     demonstration = some_trajectories(hallway(), 1, seed=0)
     with pytest.raises(DivergenceError, match="step 1 carried .* past 1e[+]12; lower alpha and beta"):
         wild.step(wild.initial_state(), demonstration, neighbours_of(0, 1))

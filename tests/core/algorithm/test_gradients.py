@@ -13,7 +13,8 @@ from games import central_differences, discounted_sums, hallway, log_likelihoods
 
 from mabirds_core.algorithm.gradient import GradientEstimator
 from mabirds_core.algorithm.learner import Learner, LearnerState
-from mabirds_core.algorithm.parameters import Parameters, StepSizes
+from mabirds_core.algorithm.paper_steps import PaperSteps
+from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Vector
 from mabirds_core.consensus.schedule import EdgeSchedule
 from mabirds_core.consensus.strict import StrictMixer, StrictState
@@ -58,9 +59,18 @@ def totals(game: PatrolGame, trajectory: Trajectories) -> Parameters:
 def exact_learner(game: PatrolGame, window: int) -> Learner:
     reward = LinearReward(game.reward_features)
     planner = SoftBellmanPlanner(game, reward, game.cost_features)
-    schedule, steps = EdgeSchedule(("alone",), (frozenset(),)), StepSizes(alpha=1, beta=1)
-    estimator = GradientEstimator(game, reward, planner, ExactOccupancy(game))
-    return Learner(0, estimator, StrictMixer("alone", schedule), steps, window, seed=0)
+    schedule, steps = EdgeSchedule(("alone",), (frozenset(),)), PaperSteps(alpha=1, beta=1)
+    estimator = GradientEstimator(game, reward, planner, ExactOccupancy(game), "initial")
+    return Learner(0, estimator, StrictMixer("alone", schedule), steps, estimator.window(window), seed=0)
+
+
+def gradient(game: PatrolGame, at: Parameters, n: int, window: int, demonstrations: list[Trajectories]) -> Parameters:
+    """Of a learner at iteration n that has seen ``demonstrations``, the newest first."""
+    learner = exact_learner(game, window)
+    memory = learner.memory
+    for earlier in reversed(demonstrations[1:]):
+        memory = memory.add(earlier)
+    return learner.step(LearnerState(n, StrictState(at), memory, {}), demonstrations[0], {}).gradient
 
 
 def differences(objective: Objective, at: Parameters) -> Parameters:
@@ -116,9 +126,8 @@ def test_a_learner_descends_the_negative_log_likelihood_of_its_demonstration() -
     game = from_one_start()
     at = some_parameters(game)
     (trajectory,) = some_trajectories(game, 1)
-    gradient = exact_learner(game, window=1).step(LearnerState(1, StrictState(at), ()), trajectory, {}).gradient
     likelihood = log_likelihood(game, trajectory)
-    assert_close(gradient, differences(lambda where: -likelihood(where), at))
+    assert_close(gradient(game, at, 1, 1, [trajectory]), differences(lambda where: -likelihood(where), at))
 
 
 def test_gradient_of_a_linear_reward_model_is_that_of_the_return() -> None:
@@ -138,18 +147,15 @@ def test_gradient_of_a_linear_reward_model_is_that_of_the_return() -> None:
 def test_a_learners_gradient_is_that_of_the_dual_over_its_window(window: int) -> None:
     game = hallway()
     at, demonstrations = some_parameters(game), some_trajectories(game, window)
-    state = LearnerState(window, StrictState(at), tuple(demonstrations[1:]))
-    gradient = exact_learner(game, window).step(state, demonstrations[0], {}).gradient
-    assert_close(gradient, differences(dual(game, demonstrations), at))
+    found = gradient(game, at, window, window, demonstrations)
+    assert_close(found, differences(dual(game, demonstrations), at))
 
 
 def test_while_the_window_fills_the_gradient_is_the_filled_share_of_the_duals() -> None:
     game = hallway()
     at, demonstrations = some_parameters(game), some_trajectories(game, 2)
-    state = LearnerState(2, StrictState(at), (demonstrations[1],))
-    gradient = exact_learner(game, window=3).step(state, demonstrations[0], {}).gradient
-    objective = dual(game, demonstrations)
-    assert_close(gradient, differences(lambda where: 2 / 3 * objective(where), at))
+    objective, found = dual(game, demonstrations), gradient(game, at, 2, 3, demonstrations)
+    assert_close(found, differences(lambda where: 2 / 3 * objective(where), at))
 
 
 def test_the_dual_is_convex_along_lines() -> None:

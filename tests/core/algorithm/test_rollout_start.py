@@ -4,7 +4,7 @@ import numpy as np
 from experiments import demonstrations, experiment
 from games import all_trajectories, hallway, probabilities, random_policy
 
-from mabirds_core.algorithm.gradient import stacked
+from mabirds_core.algorithm.memory import stacked
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.experiment.assembly import build_game, build_learner
 from mabirds_core.games.interface import Trajectories, discounted_visitation

@@ -7,9 +7,11 @@ import pytest
 from experiments import demonstrations, experiment
 from games import all_trajectories, alone, central_differences, hallway, patrol, probabilities, random_policy, square
 
-from mabirds_core.algorithm.gradient import GradientEstimator, stacked
+from mabirds_core.algorithm.gradient import GradientEstimator
 from mabirds_core.algorithm.learner import Learner
-from mabirds_core.algorithm.parameters import Parameters, StepSizes
+from mabirds_core.algorithm.memory import WindowMemory, stacked
+from mabirds_core.algorithm.paper_steps import PaperSteps
+from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Mask, Vector
 from mabirds_core.baselines.bics import Bics
 from mabirds_core.baselines.dlm import Dlm
@@ -27,12 +29,17 @@ from mabirds_core.planners.occupancy import ExactOccupancy, rollouts
 from mabirds_core.planners.soft_bellman import SoftBellmanPlanner, soft_bellman_policy
 from mabirds_core.rewards.models import LinearReward
 
-STEPS = StepSizes(alpha=2.0, beta=0.8, eta1=0.6, eta2=0.7)
+STEPS = PaperSteps(alpha=2.0, beta=0.8, eta1=0.6, eta2=0.7)
 
 
 def estimator(game: PatrolGame) -> GradientEstimator:
     reward = LinearReward(game.reward_features)
-    return GradientEstimator(game, reward, SoftBellmanPlanner(game, reward, game.cost_features), ExactOccupancy(game))
+    planner = SoftBellmanPlanner(game, reward, game.cost_features)
+    return GradientEstimator(game, reward, planner, ExactOccupancy(game), "initial")
+
+
+def bics(game: PatrolGame, window: int) -> Bics:
+    return Bics(estimator(game), STEPS, estimator(game).window(window), seed=0)
 
 
 def one_start() -> PatrolGame:
@@ -69,7 +76,7 @@ def assert_close(found: Parameters, expected: Parameters, tolerance: float = 1e-
 
 def test_bics_descends_the_mean_loss_of_the_newest_demonstrations() -> None:
     game = hallway()
-    method = Bics(estimator(game), STEPS, window=2, seed=0)
+    method = bics(game, window=2)
     state, seen = method.initial_state(), []
     for n in range(1, 4):
         seen.append(pooled(game, streams=3, seed=n))
@@ -89,7 +96,8 @@ def test_one_bics_step_is_the_mean_of_the_learners_steps() -> None:
     """Where all start alike and average with everybody, pooling and exchanging are the same."""
     game, streams = hallway(), pooled(hallway(), streams=3, seed=4)
     schedule = static(("a", "b", "c"), complete_edges(3))
-    learners = [Learner(v, estimator(game), StrictMixer(name, schedule), STEPS, 1, 0) for v, name in enumerate("abc")]
+    of = estimator(game)
+    learners = [Learner(v, of, StrictMixer(name, schedule), STEPS, of.window(1), 0) for v, name in enumerate("abc")]
     start = learners[0].initial_state()
     after = [
         learner.step(
@@ -100,7 +108,7 @@ def test_one_bics_step_is_the_mean_of_the_learners_steps() -> None:
         for v, learner in enumerate(learners)
     ]
     mean = Parameters(*(np.mean(parts, axis=0) for parts in zip(*after, strict=True)))
-    method = Bics(estimator(game), STEPS, window=1, seed=0)
+    method = bics(game, window=1)
     assert_close(method.update(method.initial_state(), streams).parameters, mean, tolerance=1e-12)
 
 
@@ -280,9 +288,10 @@ def test_methods_take_their_settings_from_the_experiment() -> None:
         for name in method_names()
     }
     assert isinstance(made["bics"], Bics)
-    assert made["bics"].window == 3
+    assert isinstance(made["bics"].memory, WindowMemory)
+    assert made["bics"].memory.length == 3
     assert isinstance(made["ftl"], Ftl)
-    assert (made["ftl"].tolerance, made["ftl"].max_steps, made["ftl"].steps.alpha) == (0.3, 7, 9.0)
+    assert (made["ftl"].tolerance, made["ftl"].max_steps, made["ftl"].steps) == (0.3, 7, PaperSteps(alpha=9.0, beta=1.0))
     assert isinstance(made["dlm"], Dlm)
     assert (made["dlm"].tolerance, made["dlm"].max_steps, made["dlm"].window) == (0.4, 8, 5)
     assert made["dlm"].steps == settings_of_the_algorithm

@@ -3,7 +3,9 @@
 import pytest
 from experiments import experiment
 
-from mabirds_core.algorithm.parameters import StepSizes
+from mabirds_core.algorithm.adaptive_steps import AdaptiveSteps
+from mabirds_core.algorithm.memory import RunningMean, WindowMemory
+from mabirds_core.algorithm.paper_steps import PaperSteps
 from mabirds_core.consensus.strict import StrictMixer
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.assembly import build_game, build_learner
@@ -14,10 +16,20 @@ def test_a_learner_has_the_settings_of_its_experiment() -> None:
     steps = {"alpha": 5.0, "beta": 6.0, "eta1": 0.7, "eta2": 0.8}
     settings = experiment({"algorithm.window": 3, "algorithm.steps": steps})
     learner = build_learner(settings, "cid")
-    assert (learner.index, learner.window, learner.seed) == (2, 3, settings.seed)
-    assert learner.steps == StepSizes(**steps)
+    assert (learner.index, learner.seed) == (2, settings.seed)
+    assert isinstance(learner.memory, WindowMemory)
+    assert learner.memory.length == 3
+    assert learner.steps == PaperSteps(**steps)
     assert learner.mixer == StrictMixer("cid", settings.edge_schedule)
     assert learner.game.digest == build_game(settings).digest
+
+
+def test_without_settings_a_learner_needs_no_numbers() -> None:
+    learner = build_learner(experiment({"algorithm": {}}), "ann")
+    assert learner.steps == AdaptiveSteps()
+    assert isinstance(learner.memory, RunningMean)
+    assert learner.estimator.rollout_start == "demonstration"
+    assert isinstance(learner.estimator.expectation, ExactOccupancy)
 
 
 def test_the_expectation_is_that_of_the_settings() -> None:

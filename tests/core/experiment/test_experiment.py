@@ -89,7 +89,7 @@ SLOTS = {"kind": "slots", "slots": [[["ann", "bob"], ["bob", "ann"]]]}
     [
         ({"colour": "red"}, "colour", "'red'"),
         ({"game.gravity": 9}, "game.gravity", "9"),
-        ({"algorithm.steps.gamma": 0.5}, "algorithm.steps.gamma", "0.5"),
+        ({"algorithm.steps.gamma": 0.5}, "algorithm.steps.paper.gamma", "0.5"),
         ({"schedule": {"kind": "static", "graph": "ring", "speed": 2}}, "schedule.static.speed", "2"),
         ({"name": "Tiny Name"}, "name", "'Tiny Name'"),
         ({"iterations": "many"}, "iterations", "'many'"),
@@ -115,9 +115,9 @@ SLOTS = {"kind": "slots", "slots": [[["ann", "bob"], ["bob", "ann"]]]}
         ({"algorithm.rollouts": 0}, "algorithm.rollouts", "0"),
         ({"algorithm.expectation": "guessed"}, "algorithm.expectation", "'guessed'"),
         ({"algorithm.reward": {"kind": "deep"}}, "algorithm.reward", "deep"),
-        ({"algorithm.steps.alpha": 0}, "algorithm.steps.alpha", "0"),
-        ({"algorithm.steps.eta1": 0.5}, "algorithm.steps.eta1", "0.5"),
-        ({"algorithm.steps.eta2": "fast"}, "algorithm.steps.eta2", "'fast'"),
+        ({"algorithm.steps.alpha": 0}, "algorithm.steps.paper.alpha", "0"),
+        ({"algorithm.steps.eta1": 0.5}, "algorithm.steps.paper.eta1", "0.5"),
+        ({"algorithm.steps.eta2": "fast"}, "algorithm.steps.paper.eta2", "'fast'"),
         ({"schedule": {"kind": "psychic"}}, "schedule", "'psychic'"),
         ({"schedule": {"kind": "static", "graph": "star"}}, "schedule.static.graph", "'star'"),
         ({"schedule": {"kind": "slots", "slots": []}}, "schedule.slots.slots", "at least 1 item"),
@@ -192,7 +192,7 @@ def test_a_game_too_large_to_tabulate_is_refused(tmp_path: Path) -> None:
     assert "4 experts on a 7x7 map make 1.5e+09 joint state-action pairs, expected at most 2e+07" in text
 
 
-@pytest.mark.parametrize("key", [key for key in SETTINGS if key != "seed"])
+@pytest.mark.parametrize("key", [key for key in SETTINGS if key not in {"seed", "algorithm", "constraint_threshold"}])
 def test_a_missing_setting_is_refused_by_place(tmp_path: Path, key: str) -> None:
     content = {name: value for name, value in SETTINGS.items() if name != key}
     assert refusal(write(tmp_path, content)) == f"{key}: Field required"
@@ -205,7 +205,7 @@ def test_every_wrong_setting_is_named_at_once(tmp_path: Path) -> None:
         assert part in message
 
 
-@pytest.mark.parametrize("place", ["algorithm.steps.alpha", "algorithm.steps.beta"])
+@pytest.mark.parametrize("name", ["alpha", "beta"])
 def test_an_infinite_step_size_is_refused_by_place(tmp_path: Path, place: str) -> None:
     assert f"{place}: " in refusal(write(tmp_path, changed({place: float("inf")})))
 
@@ -253,8 +253,8 @@ def test_an_option_of_a_method_that_no_learner_uses_changes_no_digest() -> None:
 
 
 def test_digests_say_of_which_format_they_are() -> None:
-    assert experiment().digest.startswith("v2-")
-    assert experiment().run_digest("monday").startswith("v2-")
+    assert experiment().digest.startswith("v3-")
+    assert experiment().run_digest("monday").startswith("v3-")
 
 
 def test_the_digest_does_not_depend_on_where_the_file_is(tmp_path: Path) -> None:

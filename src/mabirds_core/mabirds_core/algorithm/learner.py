@@ -106,7 +106,7 @@ class Learner:
         """
         (estimate, memory), n = self.local_gradient(state, demonstration), state.iteration
         step, rule = self.steps.step(state.rule, estimate, n)
-        mixed = self.mixer.mix(self.mixer.incoming(state.mixing, n, incoming), n, partial(descend, step=step))
+        mixed = self.mixer.mix(self.mixer.incoming(state.mixing, n, incoming), n, partial(descend, step=step, n=n))
         return StepResult(LearnerState(n + 1, mixed, memory, rule, estimate.policy), estimate)
 
     def local_gradient(self, state: LearnerState, demonstration: Trajectories) -> LocalGradient:

@@ -31,7 +31,7 @@ def scaled(factor: float, parameters: Parameters) -> Parameters:
     return Parameters(factor * parameters.theta, factor * parameters.omega)
 
 
-def descend(origin: Parameters, step: Parameters) -> Parameters:
+def descend(origin: Parameters, step: Parameters, n: int) -> Parameters:
     """Return origin - step.
 
     Parameters
@@ -40,6 +40,8 @@ def descend(origin: Parameters, step: Parameters) -> Parameters:
         Where the step begins: what mixing left.
     step : Parameters
         What is taken off; a step rule's.
+    n : int
+        Number of the step, for the error.
 
     Raises
     ------
@@ -49,6 +51,6 @@ def descend(origin: Parameters, step: Parameters) -> Parameters:
     after = Parameters(origin.theta - step.theta, origin.omega - step.omega)
     if not all((np.abs(values) <= MAX_PARAMETER).all() for values in after):
         raise DivergenceError(
-            f"a step carried theta or omega past {MAX_PARAMETER:g}; lower alpha and beta, or leave out steps"
+            f"step {n} carried theta or omega past {MAX_PARAMETER:g}; lower alpha and beta, or leave out steps"
         )
     return after

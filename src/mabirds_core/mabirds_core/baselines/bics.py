@@ -41,5 +41,5 @@ class Bics:
         n, memory = state.iteration, state.memory.add(demonstrations)
         estimate = self.estimator(state.parameters, memory, np.random.default_rng([self.seed, n]), state.policy)
         step, rule = self.steps.step(state.rule, estimate, n)
-        after = descend(state.parameters, step)
+        after = descend(state.parameters, step, n)
         return CentralState(n + 1, after, memory, rule, estimate.policy, state.work.more(1, 1))

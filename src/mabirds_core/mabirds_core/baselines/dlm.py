@@ -44,13 +44,14 @@ class Dlm:
         )
         parameters, policy, inner = state.parameters, state.policy, self.steps.initial(state.parameters)
         for made in range(self.max_steps + 1):
-            estimate = self.estimator(parameters, memory, rng, policy)
+            # Its losses are means over what there is of the window.
+            estimate = self.estimator(parameters, memory, rng, policy)._replace(window_fill=1.0)
             policy = estimate.policy
             if made == self.max_steps or np.abs(estimate.gradient.omega).max() <= self.tolerance:
                 break
             step, inner = self.steps.step(inner, estimate, made + 1)
-            parameters = descend(parameters, step._replace(theta=np.zeros_like(step.theta)))
+            parameters = descend(parameters, step._replace(theta=np.zeros_like(step.theta)), made + 1)
         step, outer = self.steps.step(state.rule, estimate, n)
-        parameters = descend(parameters, step._replace(omega=np.zeros_like(step.omega)))
+        parameters = descend(parameters, step._replace(omega=np.zeros_like(step.omega)), n)
         work = state.work.more(made + 1, made + 1)
         return CentralState(n + 1, parameters, memory, outer, policy, work)

@@ -44,8 +44,9 @@ class Ftl:
             policy = estimate.policy
             if made == self.max_steps or largest(estimate.gradient) <= self.tolerance:
                 break
-            step, rule = self.steps.step(rule, estimate, state.work.gradient_steps + made + 1)
-            parameters = descend(parameters, step)
+            number = state.work.gradient_steps + made + 1
+            step, rule = self.steps.step(rule, estimate, number)
+            parameters = descend(parameters, step, number)
         return CentralState(n + 1, parameters, everything, rule, policy, state.work.more(made, made + 1))
 
 

@@ -1,8 +1,8 @@
 """How an experiment learns, as written in its file: Algorithm 1 and the central methods."""
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
-from pydantic import Field, create_model
+from pydantic import Field, create_model, field_validator
 
 from mabirds_core.algorithm.adaptive_steps import AdaptiveSteps
 from mabirds_core.algorithm.gradient import RolloutStart
@@ -21,15 +21,15 @@ else:
     PlannerSettings = union("mabirds.planners")
 
 
-Window = Annotated[int, Field(ge=1, le=1000)] | Literal["all"]
-"""l, or all demonstrations."""
+MAX_WINDOW = 1000
+"""Demonstrations in a window, at most."""
 
 
 class AlgorithmSettings(Settings):
     """Algorithm 1's settings."""
 
     steps: StepRule = Field(AdaptiveSteps(), description="the step rule; the default needs no numbers")
-    window: Window = Field("all", description="l: demonstrations in a gradient, or all of them")
+    window: int | Literal["all"] = Field("all", description="l: demonstrations in a gradient, or all of them")
     expectation: Literal["sampled", "exact"] | None = Field(
         None, description="rollouts, or the occupancy measure; default: the occupancy measure where the game has it"
     )
@@ -37,6 +37,14 @@ class AlgorithmSettings(Settings):
     rollout_start: RolloutStart = Field("demonstration", description="roll out from P_0, or where demonstrations began")
     reward: RewardSettings = Field(LinearRewardSettings(), description="the reward model")
     policy: PlannerSettings = Field(SoftValueIterationSettings(), description="how the policy is found")
+
+    @field_validator("window")
+    @classmethod
+    def _window_is_a_length(cls, window: int | str) -> int | str:
+        if window != "all" and not 1 <= int(window) <= MAX_WINDOW:
+            raise ValueError(f"expected a number from 1 to {MAX_WINDOW}, or all")
+        return window
+
 
 
 if TYPE_CHECKING:

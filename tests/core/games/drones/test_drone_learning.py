@@ -9,7 +9,7 @@ from experiments import demonstrations, experiment
 from games import central_differences
 from identity import assert_same_histories, bits
 
-from mabirds_core.algorithm.gradient import stacked
+from mabirds_core.algorithm.memory import stacked
 from mabirds_core.algorithm.learner import Learner, LearnerState
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.algorithm.storage import from_arrays, to_arrays
