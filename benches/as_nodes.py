@@ -13,16 +13,16 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 import yaml
-
 from mabirds_bringup.bench.continuous.outcome import FLIGHTS
 from mabirds_bringup.bench.learning import drawn_streams
+from mabirds_core.games.drones.study import drone_game, eval_rollouts
+
 from mabirds_bringup.console import console, guarded_output
 from mabirds_bringup.run.network import Network
 from mabirds_core.experiment.assembly import evaluation_policy
 from mabirds_core.experiment.file import load_experiment
 from mabirds_core.experiment.simulate import History, simulate
 from mabirds_core.games.drones.metrics import drone_imitation
-from mabirds_core.games.drones.study import drone_game, eval_rollouts
 from mabirds_expert_player.recorder import record
 from mabirds_msgs_py.environment import prepare_environment
 

@@ -11,16 +11,16 @@ from typing import Any
 import numpy as np
 import polars as pl
 import pytest
-
 from mabirds_bringup.bench.cases import Case
 from mabirds_bringup.bench.continuous.cases import LATTICE, SOFT_ACTOR_CRITIC, VARIATIONS, all_cases
 from mabirds_bringup.bench.continuous.outcome import SHOWN_FLIGHTS, dear_pillars, run_case
 from mabirds_bringup.bench.continuous.report import BENCHMARK, closing_section, pillar_section
+from mabirds_core.games.drones.study import drone_game
+
 from mabirds_bringup.bench.frame import LEARNER, array_of, frame_of, read_results, write_results
 from mabirds_bringup.bench.results import CaseResult, curve, entries
 from mabirds_bringup.bench.tables import Section
 from mabirds_core.experiment.file import Experiment, load_experiment
-from mabirds_core.games.drones.study import drone_game
 
 MABIRDS = [str(Path(sys.executable).with_name("mabirds"))]
 REPOSITORY = Path(__file__).resolve().parents[3]

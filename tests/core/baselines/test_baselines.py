@@ -291,7 +291,11 @@ def test_methods_take_their_settings_from_the_experiment() -> None:
     assert isinstance(made["bics"].memory, WindowMemory)
     assert made["bics"].memory.length == 3
     assert isinstance(made["ftl"], Ftl)
-    assert (made["ftl"].tolerance, made["ftl"].max_steps, made["ftl"].steps) == (0.3, 7, PaperSteps(alpha=9.0, beta=1.0))
+    assert (made["ftl"].tolerance, made["ftl"].max_steps, made["ftl"].steps) == (
+        0.3,
+        7,
+        PaperSteps(alpha=9.0, beta=1.0),
+    )
     assert isinstance(made["dlm"], Dlm)
     assert (made["dlm"].tolerance, made["dlm"].max_steps, made["dlm"].window) == (0.4, 8, 5)
     assert made["dlm"].steps == settings_of_the_algorithm

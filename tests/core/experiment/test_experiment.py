@@ -206,8 +206,9 @@ def test_every_wrong_setting_is_named_at_once(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["alpha", "beta"])
-def test_an_infinite_step_size_is_refused_by_place(tmp_path: Path, place: str) -> None:
-    assert f"{place}: " in refusal(write(tmp_path, changed({place: float("inf")})))
+def test_an_infinite_step_size_is_refused_by_place(tmp_path: Path, name: str) -> None:
+    message = refusal(write(tmp_path, changed({f"algorithm.steps.{name}": float("inf")})))
+    assert f"algorithm.steps.paper.{name}: " in message
 
 
 @pytest.mark.parametrize(

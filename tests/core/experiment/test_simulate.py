@@ -157,8 +157,9 @@ def gradients_at(
     for v, name in enumerate(settings.learners):
         senders = settings.edge_schedule.in_neighbours(v, n)
         neighbours = {settings.learners[u]: history[settings.learners[u]][n - 1] for u in senders}
-        state = LearnerState(n, StrictState(history[name][n - 1]), ())
-        result = build_learner(settings, name).step(state, streams[name][n - 1], neighbours)
+        learner = build_learner(settings, name)
+        state = LearnerState(n, StrictState(history[name][n - 1]), learner.memory, {})
+        result = learner.step(state, streams[name][n - 1], neighbours)
         gradients.append(result.gradient)
     return gradients
 

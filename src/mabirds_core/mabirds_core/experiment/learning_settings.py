@@ -46,7 +46,6 @@ class AlgorithmSettings(Settings):
         return window
 
 
-
 if TYPE_CHECKING:
     BaselineSettings: TypeAlias = Any
 else:

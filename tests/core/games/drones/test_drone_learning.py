@@ -4,13 +4,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from arenas import drone_experiment, drone_streams
+from arenas import drone_experiment, drone_game, drone_streams
 from experiments import demonstrations, experiment
 from games import central_differences
 from identity import assert_same_histories, bits
 
-from mabirds_core.algorithm.memory import stacked
 from mabirds_core.algorithm.learner import Learner, LearnerState
+from mabirds_core.algorithm.memory import stacked
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.algorithm.storage import from_arrays, to_arrays
 from mabirds_core.baselines.bics import Bics
@@ -112,7 +112,7 @@ def test_a_learners_gradient_is_that_of_rollouts_less_demonstrations() -> None:
     )
     rng = np.random.default_rng(0)
     at = Parameters(*(rng.normal(size=values.shape) for values in learner.initial_state().parameters))
-    found = learner.step(LearnerState(3, StrictState(at), ()), demonstration, {}).gradient
+    found = learner.step(LearnerState(3, StrictState(at), learner.memory, {}), demonstration, {}).gradient
     policy = LatticePlanner(game, LinearDroneReward(game), 0.4, 1.0).plan(*at)
     imagined = drone_rollouts(game, policy, 6, np.random.default_rng([3, 0, 3]))
     for part, features in zip(found, (game.reward_features, game.cost_features), strict=True):
@@ -125,11 +125,13 @@ def test_rollouts_begin_where_demonstrations_did() -> None:
     settings = drone_experiment({**FROM_DEMONSTRATIONS, "game.discount": 1e-9})
     game, demonstration = drone_game(settings), drone_streams(settings)["ann"][0]
     estimator = build_estimator(settings, game, build_reward(settings, game))
-    gradient = estimator(estimator.initial_parameters(0), demonstration, np.random.default_rng(0)).gradient
+    memory = estimator.window(1).add(demonstration)
+    gradient = estimator(estimator.initial_parameters(0), memory, np.random.default_rng(0)).gradient
     np.testing.assert_allclose(gradient.theta, 0, atol=1e-8)
     np.testing.assert_allclose(gradient.omega[:-2], 0, atol=1e-8)
-    free = build_estimator(drone_experiment({"game.discount": 1e-9}), game, build_reward(settings, game))
-    gradient = free(free.initial_parameters(0), demonstration, np.random.default_rng(0)).gradient
+    initial = drone_experiment({"game.discount": 1e-9, "algorithm.rollout_start": "initial"})
+    free = build_estimator(initial, game, build_reward(settings, game))
+    gradient = free(free.initial_parameters(0), memory, np.random.default_rng(0)).gradient
     assert np.abs(gradient.theta).max() > 1e-3
 
 

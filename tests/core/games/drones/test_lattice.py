@@ -302,11 +302,11 @@ def test_the_gradient_is_zero_in_the_mean_for_demonstrations_of_the_policy_itsel
     model, count = make(arena(drones)), 600
     game, at = model.game, some_parameters(model)
     planner = LatticePlanner(game, model, 0.4, 1.0)
-    estimator = GradientEstimator(game, model, planner, SampledDroneOccupancy(game, count))
+    estimator = GradientEstimator(game, model, planner, SampledDroneOccupancy(game, count), "initial")
     own = drone_rollouts(game, planner.plan(*at), count, np.random.default_rng(8))
     error = per_rollout(model, at.theta, own).std(axis=0) * np.sqrt(2 / count) + 1e-9
-    gradient = estimator(at, own, np.random.default_rng(9)).gradient
+    gradient = estimator(at, estimator.window(1).add(own), np.random.default_rng(9)).gradient
     assert (np.abs(np.concatenate(gradient)) < 4.5 * error).all()
     foreign = drone_rollouts(game, planner.plan(-at.theta, -at.omega), count, np.random.default_rng(8))
-    gradient = estimator(at, foreign, np.random.default_rng(9)).gradient
+    gradient = estimator(at, estimator.window(1).add(foreign), np.random.default_rng(9)).gradient
     assert (np.abs(np.concatenate(gradient)) > 4.5 * error).mean() > 0.3

@@ -1,6 +1,7 @@
 """Pictures of drones: what is where, and an ordinary run's."""
 
 from collections.abc import Callable
+from itertools import islice
 from pathlib import Path
 
 import matplotlib as mpl
@@ -9,15 +10,14 @@ import pytest
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
+from arenas import drone_game
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Rectangle
 
-from mabirds_bringup.bench.cases import Case
-from mabirds_bringup.bench.learning import drawn_streams, learn
-from mabirds_bringup.evaluate.evaluation import evaluate
+from mabirds_bringup.evaluate.evaluation import Evaluation, evaluate
 from mabirds_bringup.report.figures import learned_by, save_figures
 from mabirds_core.experiment.file import Experiment, load_experiment
-from mabirds_core.experiment.simulate import History
+from mabirds_core.experiment.simulate import History, simulate
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.pictures import (
     RESOLUTION,
@@ -29,6 +29,8 @@ from mabirds_core.games.drones.pictures import (
     draw_distance_costs,
     draw_trajectories,
 )
+from mabirds_core.games.interface import Trajectories
+from mabirds_expert_player.recorder import expert_streams
 
 MakeExperiment = Callable[..., Path]
 
@@ -119,16 +121,30 @@ def test_costs_of_distances_are_all_on_one_axis(game: DroneGame, axis: Axes) -> 
 
 
 @pytest.fixture
-def history(drones: Experiment, game: DroneGame) -> History:
-    return learn(Case("", "", drones), drones, drawn_streams(drones, game))[0]
+def streams(drones: Experiment, game: DroneGame) -> dict[str, list[Trajectories]]:
+    return {name: list(islice(stream, 2)) for name, stream in expert_streams(drones, game).items()}
 
 
-def test_a_run_of_drones_has_its_pictures(drones: Experiment, history: History, tmp_path: Path) -> None:
-    assert save_figures(drones, history, evaluate(drones, history), tmp_path) == ["map.png", "curves.png"]
+@pytest.fixture
+def history(drones: Experiment, streams: dict[str, list[Trajectories]]) -> History:
+    return simulate(drones, streams)
+
+
+@pytest.fixture
+def evaluation(drones: Experiment, history: History, streams: dict[str, list[Trajectories]]) -> Evaluation:
+    return evaluate(drones, history, streams)
+
+
+def test_a_run_of_drones_has_its_pictures(
+    drones: Experiment, history: History, evaluation: Evaluation, tmp_path: Path
+) -> None:
+    assert save_figures(drones, history, evaluation, tmp_path) == ["map.png", "curves.png"]
     assert all((tmp_path / name).read_bytes().startswith(b"\x89PNG") for name in ("map.png", "curves.png"))
 
 
-def test_the_map_of_a_run_of_drones_shows_every_learner(drones: Experiment, history: History) -> None:
-    figure = drone_game(drones).figure(learned_by(drones, history), 0.1, seed=0)
+def test_the_map_of_a_run_of_drones_shows_every_learner(
+    drones: Experiment, history: History, evaluation: Evaluation
+) -> None:
+    figure = drone_game(drones).figure(learned_by(drones, history, evaluation), 0.1, seed=0)
     assert sum(bool(axis.images) for axis in figure.axes) == 2 * len(history)
     plt.close(figure)
