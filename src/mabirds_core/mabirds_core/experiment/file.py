@@ -103,12 +103,12 @@ class Experiment(Settings):
         game, planner = build(GAMES, self.game), kind_of(PLANNERS, self.algorithm.policy)
         fitting = {
             "algorithm.policy.kind": planners_for(kind_of(GAMES, self.game).form),
-            "algorithm.expectation": (None, *game.expectations),
+            "algorithm.expectation": game.expectations,
             "demonstrations.experts": game.expert_kinds or (self.demonstrations.experts,),
         }
         for name, choices in fitting.items():
             given = attrgetter(name)(self)
-            if given not in choices:
+            if given is not None and given not in choices:
                 raise ExperimentError(f"{name} {given!r}: the game is {self.game.kind}; take one of {list(choices)}")
         check_rollouts("rollouts", self.algorithm.rollouts, game.horizon)
         if planner.check:

@@ -24,7 +24,7 @@ DRONES = Path(__file__).resolve().parents[4] / "ros_ws" / "config" / "drones.yam
 CHOICES = {
     "patrol": {
         "algorithm.policy.kind": ["soft_q_learning", "soft_value_iteration"],
-        "algorithm.expectation": ["sampled", "exact"],
+        "algorithm.expectation": ["exact", "sampled"],
         "demonstrations.experts": ["optimal", "soft"],
     },
     "drones": {

@@ -10,7 +10,7 @@ from games import central_differences
 from identity import assert_same_histories, bits
 
 from mabirds_core.algorithm.learner import Learner, LearnerState
-from mabirds_core.algorithm.memory import stacked
+from mabirds_core.algorithm.memory import WindowMemory, stacked
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.algorithm.storage import from_arrays, to_arrays
 from mabirds_core.baselines.bics import Bics
@@ -76,7 +76,8 @@ def test_a_learner_goes_on_from_its_arrays_bit_for_bit(changes: dict[str, Any]) 
     for _ in range(settings.iterations - 1):
         arrays = {name: values.copy() for name, values in to_arrays(learner, state).items()}
         restored = from_arrays(build_learner(settings, "ann"), state.iteration, arrays)
-        assert len(restored.recent) == min(settings.algorithm.window - 1, state.iteration - 1)
+        assert isinstance(restored.memory, WindowMemory)
+        assert len(restored.memory.newest) == min(restored.memory.length - 1, state.iteration - 1)
         after, expected = (updated(learner, one, stream) for one in (restored, state))
         assert bits(after.parameters) == bits(expected.parameters)
         state = expected
@@ -104,7 +105,7 @@ def test_arrays_of_another_arena_are_refused(name: str) -> None:
 
 def test_a_learners_gradient_is_that_of_rollouts_less_demonstrations() -> None:
     """With its own generator, (seed, learner, iteration), and rollouts from P_0."""
-    settings = drone_experiment({"learners": ["ann"], "algorithm.window": 1})
+    settings = drone_experiment({"learners": ["ann"], "algorithm.window": 1, "algorithm.rollout_start": "initial"})
     learner, game, demonstration = (
         build_learner(settings, "ann"),
         drone_game(settings),
@@ -216,7 +217,8 @@ def test_me_gradient_of_patrols_ascends_the_likelihood_under_the_true_reward() -
 
 
 def test_me_gradient_of_drones_descends_the_difference_of_cost_features_alone() -> None:
-    settings = drone_experiment({"baselines": {"me_gradient": {"steps": {"alpha": 3.0, "beta": 1.0}}}})
+    baselines = {"me_gradient": {"steps": {"alpha": 3.0, "beta": 1.0}}}
+    settings = drone_experiment({"baselines": baselines, "algorithm.rollout_start": "initial"})
     game, method = drone_game(settings), me_gradient(settings)
     seen = stacked([stream[0] for stream in drone_streams(settings).values()])
     after = method.update(method.initial_state(), seen).parameters

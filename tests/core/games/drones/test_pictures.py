@@ -21,7 +21,7 @@ from mabirds_core.experiment.simulate import History, simulate
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.pictures import (
     RESOLUTION,
-    Learned,
+    LearnedCosts,
     colour_of,
     cost_field,
     draw_arena,
@@ -95,7 +95,7 @@ def test_a_field_is_drawn_where_it_is(game: DroneGame) -> None:
 def test_costs_have_a_panel_a_learner_and_drone_and_one_scale(game: DroneGame) -> None:
     rng, figure = np.random.default_rng(0), plt.figure()
     omegas = rng.normal(size=(3, len(game.cost_features.names)))
-    learned = {f"l{k}": Learned(omega, rng.random((4, 5, 2, 2))) for k, omega in enumerate(omegas)}
+    learned = {f"l{k}": LearnedCosts(omega, rng.random((4, 5, 2, 2))) for k, omega in enumerate(omegas)}
     draw_costs(figure, game, learned)
     panels = [axis for axis in figure.axes if axis.images]
     assert [axis.get_title() for axis in panels] == [f"l{k}, drone {i}" for i in (1, 2) for k in range(3)]
