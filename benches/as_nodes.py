@@ -13,18 +13,18 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 import yaml
-from mabirds_bringup.bench.continuous.outcome import FLIGHTS
-from mabirds_bringup.bench.learning import drawn_streams
-from mabirds_core.games.drones.study import drone_game, eval_rollouts
 
+from mabirds_bringup.bench.outcome import drawn_streams
 from mabirds_bringup.console import console, guarded_output
 from mabirds_bringup.run.network import Network
-from mabirds_core.experiment.assembly import evaluation_policy
+from mabirds_core.experiment.assembly import build_game, evaluation_policy
 from mabirds_core.experiment.file import load_experiment
 from mabirds_core.experiment.simulate import History, simulate
-from mabirds_core.games.drones.metrics import drone_imitation
 from mabirds_expert_player.recorder import record
 from mabirds_msgs_py.environment import prepare_environment
+
+ROLLOUTS = 2000
+"""That judge a policy where its game needs some, as in the benchmark."""
 
 
 def seeded(source: Path, seed: int, directory: Path) -> Path:
@@ -45,11 +45,11 @@ def measure(source: Path, seed: int, directory: Path) -> Iterator[dict[str, Any]
     (logs := directory / f"run_{seed}" / "logs").mkdir(parents=True)
     begun = time.monotonic()
     history = Network(experiment, file, logs.parent, {"hz": 1000.0}).run().history
-    seconds, game = time.monotonic() - begun, drone_game(experiment)
+    seconds, game = time.monotonic() - begun, build_game(experiment)
     expected = simulate(experiment, drawn_streams(experiment, game))
     for name, parameters in history.items():
         policy = evaluation_policy(experiment, name, game)(parameters[-1])
-        imitation = drone_imitation(game, eval_rollouts(experiment, game, policy, FLIGHTS))
+        imitation = game.judge.imitation(policy, experiment.seed, ROLLOUTS)
         yield {
             "seed": seed,
             "learner": name,
@@ -68,12 +68,12 @@ def equal(first: History, second: History, name: str) -> bool:
 
 
 def main(
-    experiment: Annotated[Path, typer.Argument(help="Of drones.")],
+    experiment: Annotated[Path, typer.Argument(help="Of any game.")],
     first_seed: Annotated[int, typer.Option(help="As in mabirds bench.", min=0)] = 304,
     seeds: Annotated[int, typer.Option(help="How many.", min=1)] = 3,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,  # noqa: FBT002
 ) -> None:
-    """Run an experiment of drones as ROS processes with several seeds, and judge it as the benchmark does."""
+    """Run an experiment as ROS processes with several seeds, and judge it as the benchmark does."""
     prepare_environment()
     with guarded_output() as stdout, tempfile.TemporaryDirectory() as directory:
         results = []

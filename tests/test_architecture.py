@@ -205,19 +205,15 @@ SHIPPED_FILES = re.compile(r"ros_ws/config/\w+\.yaml|--bag bags/\w+")
 """What examples of commands may name."""
 
 GAMES = ("mabirds_core/games/patrol/", "mabirds_core/games/drones/")
-STUDIES = ("bench/discrete/", "bench/continuous/", "commands/bench_")
-"""The paper's two experiments, each the study of its own game."""
 
 
 def naming_games(source: str) -> list[str]:
     return [line for line in SHIPPED_FILES.sub("", source).splitlines() if GAME_WORDS.search(line)]
 
 
-def test_nothing_but_its_package_and_its_study_names_a_game() -> None:
+def test_nothing_but_its_package_names_a_game() -> None:
     others = (path for package in MAY_IMPORT for path in modules(package))
-    lines = {
-        str(path): naming_games(text(path)) for path in others if not any(own in str(path) for own in GAMES + STUDIES)
-    }
+    lines = {str(path): naming_games(text(path)) for path in others if not any(own in str(path) for own in GAMES)}
     assert {path: found for path, found in lines.items() if found} == {}
 
 

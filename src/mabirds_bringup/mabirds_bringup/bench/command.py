@@ -1,20 +1,40 @@
-"""What the commands of ``mabirds bench`` have in common."""
+"""What the commands of ``mabirds bench`` have in common: cases in processes of their own, and what is said of them."""
 
+import multiprocessing
+import os
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mabirds_bringup.bench.pool import RunCase, run_cases
+from mabirds_bringup.bench.results import CaseResult
 from mabirds_bringup.bench.study import Case
-from mabirds_bringup.console import console
+from mabirds_bringup.console import console, progress_bar
+from mabirds_bringup.run.processes import ONE_THREAD
 
 if TYPE_CHECKING:
     import polars as pl
 
 FIRST_SEED = 301
 """The reported seeds are 301, 302, ... where nothing else is said; none of them served to choose settings."""
+
+RunCase = Callable[[Case, int], list[CaseResult]]
+"""Learns a case with a seed; one result per learner."""
+
+
+def run_cases(run_case: RunCase, cases: Sequence[Case], seeds: range, jobs: int) -> Iterator[CaseResult]:
+    """All cases with all seeds, ``jobs`` at once; results in the order of the cases.
+
+    A process of one thread learns one case with one seed and ends, so that times and memory are those of the case.
+    """
+    os.environ.update(ONE_THREAD)  # for the processes started from here on
+    pool = ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn"), max_tasks_per_child=1)
+    with pool, progress_bar() as bar:
+        futures = [pool.submit(run_case, case, seed) for case in cases for seed in seeds]
+        for future in bar.track(futures, description="learning"):
+            yield from future.result()
 
 
 def results_of(

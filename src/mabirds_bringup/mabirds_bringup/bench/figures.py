@@ -14,10 +14,9 @@ import polars as pl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from mabirds_bringup.bench.frame import LEARNER, array_of, in_order, is_metric, name
+from mabirds_bringup.bench.frame import LEARNER, array_of, in_order, is_learner, is_metric, name
 from mabirds_bringup.bench.outcome import drawn_streams
 from mabirds_bringup.bench.study import Case, LoadedStudy
-from mabirds_bringup.bench.summary import is_learner
 from mabirds_core.algorithm.memory import stacked
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Mask, Vector

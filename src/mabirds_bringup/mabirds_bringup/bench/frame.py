@@ -9,6 +9,7 @@ import polars as pl
 
 from mabirds_bringup.bench.results import CaseResult
 from mabirds_core.arrays import Array
+from mabirds_core.experiment.assembly import method_names
 
 RESULTS = "results.parquet"
 
@@ -75,7 +76,11 @@ def in_order(results: pl.DataFrame, column: str) -> list[str]:
     return results[column].unique(maintain_order=True).to_list()
 
 
+def is_learner() -> pl.Expr:
+    """Is a row one of a network's learner, and not of a central method?"""
+    return ~pl.col("learner").is_in(method_names())
+
+
 def name() -> pl.Expr:
     """The case, and which of its learners."""
-    is_learner = pl.col("learner").str.starts_with("learner")
-    return pl.when(is_learner).then(pl.format("{} {}", "label", "learner")).otherwise("label").alias("name")
+    return pl.when(is_learner()).then(pl.format("{} {}", "label", "learner")).otherwise("label").alias("name")

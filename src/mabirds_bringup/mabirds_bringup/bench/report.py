@@ -3,8 +3,9 @@
 import os
 import platform
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -31,8 +32,6 @@ class Page:
         Tables.
     rows, targets : DataFrame
         ``results`` and ``targets`` of summary.json.
-    packages : Sequence of str
-        On which times depend.
     content : Mapping
         More of summary.json.
     """
@@ -43,25 +42,23 @@ class Page:
     sections: Sequence[Section]
     rows: pl.DataFrame
     targets: pl.DataFrame
-    packages: Sequence[str] = ("numpy",)
     content: Mapping[str, Any] = field(default_factory=dict)
 
 
 def machine(*packages: str) -> dict[str, Any]:
-    """What the times depend on, with the versions of ``packages``."""
-    return {
-        "cores": os.cpu_count(),
-        "threads": 1,
-        "python": platform.python_version(),
-        **{package: version(package) for package in packages},
-    }
+    """What the times depend on, with the versions of ``packages`` that are installed."""
+    installed = dict[str, str]()
+    for package in packages:
+        with suppress(PackageNotFoundError):
+            installed[package] = version(package)
+    return {"cores": os.cpu_count(), "threads": 1, "python": platform.python_version(), **installed}
 
 
 def write_report(page: Page, results: pl.DataFrame, directory: Path, command: str) -> dict[str, Any]:
     """Fill ``directory``, where the pictures are already; returns what --json prints."""
     content = {
         "command": command,
-        "machine": machine(*page.packages),
+        "machine": machine("numpy", "scipy", "torch"),
         "seeds": sorted(results["seed"].unique()),
         "results": page.rows.drop("name").to_dicts(),
         "targets": page.targets.to_dicts(),

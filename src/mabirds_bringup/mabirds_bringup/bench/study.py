@@ -1,21 +1,25 @@
 """A study: a file that declares which experiments are learned how, and what its report shows and is to show."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
 from mabirds_core.errors import ExperimentError, MabirdsError
+from mabirds_core.experiment.assembly import method_names
 from mabirds_core.experiment.file import Experiment, load_experiment
 from mabirds_core.settings import Settings
 from mabirds_core.yaml_files import read_yaml
 
 PACKAGED = Path(__file__).parents[1] / "studies"
 """Where the studies of the package are."""
+
+Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+"""Of an experiment or a group; files of pictures are called by it."""
 
 MABIRDS = "MA-BIRDS"
 """The label of the network of learners."""
@@ -96,33 +100,40 @@ class Study(Settings):
 
     title: str = Field(description="may name settings of the experiments, such as {main.iterations}")
     note: str = Field(description="how to read the report; may name {rollouts} and {fewer}")
-    experiments: dict[str, Path] = Field(min_length=1, description="files by name, relative to the study's")
-    groups: dict[str, GroupSettings] = Field(min_length=1)
+    experiments: dict[Name, Path] = Field(min_length=1, description="files by name, relative to the study's")
+    groups: dict[Name, GroupSettings] = Field(min_length=1)
     columns: dict[str, str] = Field(description="title: measure, a mean and range over seeds")
     tables: tuple[TableSettings, ...] = ()
     targets: tuple[TargetSettings, ...] = ()
     rollouts: int | None = Field(
         None, ge=20, le=100_000, description="that judge the last policies, a tenth the others"
     )
-    packages: tuple[str, ...] = Field(("numpy",), description="on which times depend")
 
     @model_validator(mode="after")
     def _names_fit(self) -> "Study":
-        cases = {case.experiment for group in self.groups.values() for case in group.cases}
+        cases = [(name, case) for name, group in self.groups.items() for case in group.cases]
+        if len({(name, case.label) for name, case in cases}) < len(cases):
+            raise ExperimentError("two cases of a group have one label; give each its own")
         groups = {name for target in self.targets for name in target.groups} | {table.group for table in self.tables}
-        if missing := sorted(cases - self.experiments.keys()):
-            raise ExperimentError(f"experiment {missing[0]!r}: the study has {sorted(self.experiments)}")
-        if missing := sorted(groups - self.groups.keys()):
-            raise ExperimentError(f"group {missing[0]!r}: the study has {sorted(self.groups)}")
+        _require("experiment", {case.experiment for _, case in cases}, self.experiments)
+        _require("method", {case.method for _, case in cases if case.method}, method_names())
+        _require("group", groups, self.groups)
         return self
+
+
+def _require(what: str, names: Iterable[str], there: Collection[str]) -> None:
+    for name in sorted(set(names) - set(there)):
+        raise ExperimentError(f"{what} {name!r}: expected one of {sorted(there)}")
 
 
 @dataclass(frozen=True)
 class LoadedStudy:
-    """A study with its experiments, each of at most so many ``iterations``."""
+    """A study with its experiments; ``title`` and ``note`` name settings of theirs."""
 
     settings: Study
     experiments: Mapping[str, Experiment]
+    title: str
+    note: str
 
     @cached_property
     def cases(self) -> tuple[Case, ...]:
@@ -169,13 +180,17 @@ def load_study(
     """
     path = PACKAGED / f"{name}.yaml" if name in packaged_studies() else Path(name)
     settings = _read(path)
-    if unknown := sorted((files or {}).keys() - settings.experiments.keys()):
-        raise ExperimentError(f"{path}: no experiment {unknown[0]!r}, expected one of {sorted(settings.experiments)}")
+    _require(f"{path}: experiment", files or {}, settings.experiments)
     places = {key: path.parent / file for key, file in settings.experiments.items()} | dict(files or {})
     if rollouts is not None:
         settings = settings.model_copy(update={"rollouts": rollouts})
-    loaded = {key: load_experiment(place) for key, place in places.items()}
-    return LoadedStudy(settings, {key: _truncated(experiment, iterations) for key, experiment in loaded.items()})
+    experiments = {key: _truncated(load_experiment(place), iterations) for key, place in places.items()}
+    counts = {"rollouts": settings.rollouts, "fewer": (settings.rollouts or 0) // 10}
+    try:
+        title, note = (text.format(**experiments, **counts) for text in (settings.title, settings.note))
+    except (LookupError, AttributeError, ValueError) as error:
+        raise ExperimentError(f"{path}: title and note may name {{main.iterations}} and such: {error!r}") from None
+    return LoadedStudy(settings, experiments, title, note)
 
 
 def _read(path: Path) -> Study:

@@ -34,16 +34,14 @@ def targets(study: LoadedStudy, rows: pl.DataFrame) -> pl.DataFrame:
 
 def write_study(study: LoadedStudy, results: pl.DataFrame, directory: Path, command: str) -> dict[str, Any]:
     """Fill ``directory``; returns what --json prints."""
-    rows, settings = summarise(results), study.settings
-    count = settings.rollouts
+    rows = summarise(results)
     page = Page(
-        settings.title.format(**study.experiments),
-        settings.note.format(rollouts=count, fewer=count and count // 10),
+        study.title,
+        study.note,
         save_figures(study, results, directory),
         sections(study, results),
         rows,
         targets(study, rows),
-        settings.packages,
-        {"rollouts": count},
+        {"rollouts": study.settings.rollouts},
     )
     return write_report(page, results, directory, command)

@@ -1,10 +1,8 @@
 """One row per learner or method: every metric's value at the end, and times, put together over the seeds."""
 
-from dataclasses import dataclass
-
 import polars as pl
 
-from mabirds_bringup.bench.frame import LEARNER, is_entry, is_metric, name
+from mabirds_bringup.bench.frame import LEARNER, is_entry, is_learner, is_metric, name
 
 SUCCESS_LEVELS = (0.5, 0.9)
 
@@ -17,19 +15,8 @@ PARAMETERS = ("theta", "omega", "seconds")
 VALUE = pl.col("value")
 
 
-@dataclass(frozen=True)
-class MeanRange:
-    """A mean over seeds and half the range around it."""
-
-    mean: float
-    half_width: float
-
-    def __str__(self) -> str:
-        return f"{self.mean:.3f} ± {self.half_width:.3f}"
-
-
 def mean_range(values: pl.Expr) -> pl.Expr:
-    """Mean and half of max - min, over seeds, as the fields of ``MeanRange``; null without values."""
+    """Mean and half of max - min, over seeds, as ``mean`` and ``half_width``; null without values."""
     mean = values.implode().list.mean()  # adds in the order of the seeds: no last digit differs between two reports
     fields = pl.struct(mean=mean, half_width=(values.max() - values.min()) / 2)
     return pl.when(values.count() > 0).then(fields)
@@ -103,11 +90,6 @@ def summarise(results: pl.DataFrame) -> pl.DataFrame:
     seconds = pl.col("iteration_seconds")
     fastest = seconds.filter(is_learner()).min().over("group")
     return rows.with_columns(name(), seconds_ratio=seconds / fastest)
-
-
-def is_learner() -> pl.Expr:
-    """Is a row one of a network's learner, and not of a central method?"""
-    return pl.col("learner").str.starts_with("learner")
 
 
 def _level_by_level(times: pl.Expr) -> pl.Expr:

@@ -6,7 +6,8 @@ from typing import Any
 
 import polars as pl
 
-from mabirds_bringup.bench.summary import SUCCESS_LEVELS, MeanRange, is_learner, mean_range
+from mabirds_bringup.bench.frame import is_learner
+from mabirds_bringup.bench.summary import SUCCESS_LEVELS, mean_range
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ def number(form: str) -> Callable[[Any], str]:
 
 def mean_range_text(cell: dict[str, float] | None) -> str:
     """Mean ± half-width; empty where there is none."""
-    return str(MeanRange(**cell)) if cell else ""
+    return f"{cell['mean']:.3f} ± {cell['half_width']:.3f}" if cell else ""
 
 
 def scaled(time: pl.Expr) -> pl.Expr:
