@@ -22,9 +22,7 @@ from mabirds_core.games.interface import ImitationMetrics, TabularGame, Trajecto
 from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_core.metrics.metrics import (
     consensus_distance,
-    constraint_errors,
     exact_imitation,
-    learned_constraints,
     norms,
     policy_distance,
     sampled_imitation,
@@ -117,25 +115,6 @@ def test_a_swap_counts_as_violation_though_every_state_is_clean() -> None:
     swap, (start, swapped) = 1 * 4 + 3, (0 * 2 + 1, 1 * 2 + 0)
     found = sampled_imitation(game, Trajectories(np.array([[start, swapped]]), np.array([[swap, 0]])))
     assert found == ImitationMetrics(violation_rate=1.0, success_rate=0.0)
-
-
-def test_a_constraint_is_learned_where_the_cost_exceeds_the_threshold() -> None:
-    omega = np.array([-0.3, -0.2, -0.1, 0.0, 0.5])
-    assert learned_constraints(omega, 0.2).tolist() == [True, False, False, False, False]
-    assert learned_constraints(omega, 0.0).tolist() == [True, True, True, False, False]
-
-
-def test_constraint_errors_by_hand() -> None:
-    """Of three true constraints one is missed; of five harmless features two are taken for constraints."""
-    omega = np.array([-1, -1, 1, -1, -1, 0, 0, 1], dtype=float)
-    true = np.array([1, 1, 1, 0, 0, 0, 0, 0], dtype=bool)
-    assert constraint_errors(omega, true, threshold=0.5) == (2 / 5, 1 / 3)
-
-
-def test_error_rates_over_an_empty_class_are_zero() -> None:
-    omega = np.array([-1.0, 1.0])
-    assert constraint_errors(omega, np.array([True, True]), 0.0) == (0.0, 0.5)
-    assert constraint_errors(omega, np.array([False, False]), 0.0) == (0.5, 0.0)
 
 
 def test_consensus_distance_is_the_largest_distance_from_the_mean() -> None:
