@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mabirds_core.consensus.schedule import EdgeSchedule, both_ways, require_size, unreachable
+from mabirds_core.consensus.assumptions import unreachable
+from mabirds_core.consensus.schedule import EdgeSchedule, both_ways, require_size
 from mabirds_core.consensus.weights import Edge
 from mabirds_core.errors import ScheduleError
 

@@ -2,7 +2,8 @@
 
 from collections.abc import Iterable
 
-from mabirds_core.consensus.schedule import EdgeSchedule, validate
+from mabirds_core.consensus.assumptions import validate
+from mabirds_core.consensus.schedule import EdgeSchedule
 from mabirds_core.errors import ScheduleError
 from mabirds_core.texts import truncate
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from pydantic import Field, ValidationError, model_validator
 
-from mabirds_core.consensus.schedule import EdgeSchedule, validate
+from mabirds_core.consensus.assumptions import validate
+from mabirds_core.consensus.schedule import EdgeSchedule
 from mabirds_core.consensus.schedule_settings import LearnerName
 from mabirds_core.consensus.strict import StrictMixing
 from mabirds_core.digest import experiment_digest
