@@ -23,9 +23,18 @@ TOLERANCE = 1e-12
 
 @dataclass(frozen=True)
 class ScheduleReport:
-    """What ``validate`` found: B of Assumption 2, epsilon of Assumption 3, and how fast disagreement shrinks.
+    """What ``validate`` measures of a schedule.
 
-    ``contraction``: the largest factor by which B consecutive iterations of mixing may scale the distance to the mean.
+    Attributes
+    ----------
+    connectivity_window : int
+        B of Assumption 2.
+    smallest_weight : float
+        epsilon of Assumption 3.
+    largest_sum_error : float
+        Largest distance of a row or column sum of any W(n) from 1.
+    contraction : float
+        The largest factor by which B consecutive iterations of mixing may scale the distance to the mean.
     """
 
     connectivity_window: int
@@ -35,7 +44,13 @@ class ScheduleReport:
 
 
 def validate(schedule: EdgeSchedule) -> ScheduleReport:
-    """Check Assumptions 2 and 3; raises ScheduleError naming the edge, slot or learners that break one."""
+    """Check Assumptions 2 and 3.
+
+    Raises
+    ------
+    ScheduleError
+        Edges, slot or learners break one; the message names them.
+    """
     matrices = [schedule.weights(slot + 1) for slot in range(len(schedule.slots))]
     window = connectivity_window(schedule)
     return ScheduleReport(
@@ -76,7 +91,13 @@ def _products(schedule: EdgeSchedule, length: int) -> Iterator[Array]:
 
 
 def connectivity_window(schedule: EdgeSchedule) -> int:
-    """B: every B consecutive iterations have a strongly connected union (Assumption 2)."""
+    """B: every B consecutive iterations have a strongly connected union (Assumption 2).
+
+    Raises
+    ------
+    ScheduleError
+        No B is large enough.
+    """
     _require_connection(schedule)
     needed = list(accumulate(_window_lengths(schedule), max))
     lengths = range(1, len(schedule.slots) + 1)
@@ -115,7 +136,20 @@ def _require_connection(schedule: EdgeSchedule) -> None:
 
 
 def unreachable(n_learners: int, edges: frozenset[Edge]) -> Edge | None:
-    """A pair (u, v) with no directed way from u to v, or None: the graph is strongly connected."""
+    """Look for learners that are not connected.
+
+    Parameters
+    ----------
+    n_learners : int
+        N_L.
+    edges : frozenset[Edge]
+        Of a directed graph.
+
+    Returns
+    -------
+    Edge or None
+        A pair (u, v) with no directed way from u to v; None: the graph is strongly connected.
+    """
     reach = np.eye(n_learners, dtype=bool)
     for sender, receiver in edges:
         reach[sender, receiver] = True

@@ -26,9 +26,21 @@ MAX_WEIGHTS = 5_000_000
 
 @dataclass(frozen=True)
 class EdgeSchedule:
-    """E(n) for all n: ``slots[k]`` holds (sender, receiver) pairs of indices into ``learners``.
+    """E(n) for all n.
 
-    ``end``: what follows the last slot.
+    Attributes
+    ----------
+    learners : tuple[str, ...]
+        Names.
+    slots : tuple[frozenset[Edge], ...]
+        Each a set of (sender, receiver) pairs of indices into ``learners``.
+    end : End
+        What follows the last slot.
+
+    Raises
+    ------
+    ScheduleError
+        A name is given twice, there is no slot, an edge is a loop or leads nowhere, or the schedule is too large.
     """
 
     learners: tuple[str, ...]
@@ -36,7 +48,6 @@ class EdgeSchedule:
     end: End = "repeat"
 
     def __post_init__(self) -> None:
-        """Raise ScheduleError for duplicated names, no slot, self-loops, edges to nowhere, or too large a schedule."""
         if len(set(self.learners)) != len(self.learners) or not self.learners:
             raise ScheduleError(f"learners {self._names}: expected at least one, each named once")
         if not self.slots:
@@ -62,7 +73,13 @@ class EdgeSchedule:
         return sorted(frozenset().union(*self.slots))
 
     def edges(self, iteration: int) -> frozenset[Edge]:
-        """E(n), n >= 1."""
+        """E(n), n >= 1.
+
+        Raises
+        ------
+        ScheduleError
+            n is after the last slot of a schedule that stops.
+        """
         return self.slots[self._slot(iteration)]
 
     def _slot(self, iteration: int) -> int:
@@ -77,17 +94,56 @@ class EdgeSchedule:
         return self.end == "stop" and iteration > len(self.slots)
 
     def in_neighbours(self, learner: int, iteration: int) -> list[int]:
-        """Whose parameters of iteration n the learner mixes in, sorted; nobody's after the end of a schedule."""
+        """Whose parameters a learner mixes in at iteration n.
+
+        Parameters
+        ----------
+        learner : int
+            Its index v.
+        iteration : int
+            n, from 1 on.
+
+        Returns
+        -------
+        list[int]
+            Indices u of (u, v) in E(n), sorted; none after the end of a schedule that stops.
+        """
         if self._is_over(iteration):
             return []
         return sorted(sender for sender, receiver in self.edges(iteration) if receiver == learner)
 
     def senders_to(self, name: str, iteration: int) -> list[str]:
-        """Names of the in-neighbours of E(n), in the order of ``learners``."""
+        """Names of the in-neighbours of E(n).
+
+        Parameters
+        ----------
+        name : str
+            Of the learner.
+        iteration : int
+            n, from 1 on.
+
+        Returns
+        -------
+        list[str]
+            In the order of ``learners``; none after the end of a schedule that stops.
+        """
         return [self.learners[u] for u in self.in_neighbours(self.learners.index(name), iteration)]
 
     def receivers_of(self, name: str, iteration: int) -> list[str]:
-        """Names of the out-neighbours of E(n), in the order of ``learners``; none after the end of a schedule."""
+        """Names of the out-neighbours of E(n).
+
+        Parameters
+        ----------
+        name : str
+            Of the learner.
+        iteration : int
+            n, from 1 on.
+
+        Returns
+        -------
+        list[str]
+            In the order of ``learners``; none after the end of a schedule that stops.
+        """
         if self._is_over(iteration):
             return []
         index = self.learners.index(name)
@@ -98,7 +154,13 @@ class EdgeSchedule:
         return sorted({sender for sender, receiver in self.all_edges if receiver == learner})
 
     def weights(self, iteration: int) -> Array:
-        """W(n), shape (N_L, N_L); row v mixes for learner v."""
+        """W(n), shape (N_L, N_L); row v mixes for learner v.
+
+        Raises
+        ------
+        ScheduleError
+            n is after the last slot of a schedule that stops, or an edge of the slot is on no directed cycle.
+        """
         return self._weights[self._slot(iteration)]
 
     @cached_property
@@ -116,7 +178,20 @@ class EdgeSchedule:
 
 
 def require_size(n_learners: int, slots: int) -> None:
-    """Raise ScheduleError where so many slots of so many learners cannot be checked in seconds."""
+    """Check that a schedule is small enough to be checked in seconds.
+
+    Parameters
+    ----------
+    n_learners : int
+        N_L.
+    slots : int
+        How many there are.
+
+    Raises
+    ------
+    ScheduleError
+        There are too many for so many learners.
+    """
     most = min(MAX_SLOTS, MAX_WEIGHTS // n_learners**2)
     if slots > most:
         raise ScheduleError(f"{slots} slots: expected at most {most} for {n_learners} learners; take fewer")
@@ -132,7 +207,25 @@ DeliveredEdges = Mapping[int, Sequence[Sequence[str]]]
 
 
 def delivered_edges(schedule: EdgeSchedule, senders: Sequence[Sequence[str]]) -> frozenset[Edge]:
-    """The edges over which parameters really passed at one iteration."""
+    """The edges over which parameters really passed at one iteration.
+
+    Parameters
+    ----------
+    schedule : EdgeSchedule
+        Of the learners.
+    senders : Sequence[Sequence[str]]
+        For each learner, in their order, the names of those whose parameters it mixed.
+
+    Returns
+    -------
+    frozenset[Edge]
+        (sender, receiver) as indices.
+
+    Raises
+    ------
+    ScheduleError
+        A sender is none of the learners.
+    """
     index = {name: number for number, name in enumerate(schedule.learners)}
     strangers = sorted({name for names in senders for name in names} - index.keys())
     if strangers:
@@ -141,7 +234,25 @@ def delivered_edges(schedule: EdgeSchedule, senders: Sequence[Sequence[str]]) ->
 
 
 def edge_mismatches(schedule: EdgeSchedule, delivered: DeliveredEdges) -> list[str]:
-    """Edges that were scheduled and not delivered, or the reverse, by iteration and name."""
+    """Compare what was delivered with E(n).
+
+    Parameters
+    ----------
+    schedule : EdgeSchedule
+        E(n).
+    delivered : DeliveredEdges
+        By iteration.
+
+    Returns
+    -------
+    list[str]
+        Edges that were scheduled and not delivered, or the reverse, by iteration and name.
+
+    Raises
+    ------
+    ScheduleError
+        A sender is none of the learners.
+    """
     mismatches = []
     for n, senders in sorted(delivered.items()):
         for sender, receiver in sorted(schedule.edges(n) ^ delivered_edges(schedule, senders)):
