@@ -122,7 +122,13 @@ class Experiment(Settings):
         return schedule
 
     def index_of(self, learner: str) -> int:
-        """Place of a learner in the list; raises ExperimentError where it is none of them."""
+        """Place of a learner in the list.
+
+        Raises
+        ------
+        ExperimentError
+            It is none of them.
+        """
         if learner not in self.learners:
             raise ExperimentError(f"{learner!r} is none of the learners {list(self.learners)}")
         return self.learners.index(learner)
@@ -171,7 +177,13 @@ def _default(settings: Settings, name: str) -> Any:
 
 
 def load_experiment(path: Path) -> Experiment:
-    """Read and check an experiment file; raises ExperimentError naming the file and every wrong setting."""
+    """Read and check an experiment file.
+
+    Raises
+    ------
+    ExperimentError
+        The message names the file and every wrong setting.
+    """
     try:
         content = read_yaml(path)
     except OSError as error:
