@@ -20,7 +20,8 @@ from mabirds_core.consensus.generators import complete_edges, static
 from mabirds_core.consensus.mixer import AnyMixer
 from mabirds_core.consensus.schedule import EdgeSchedule
 from mabirds_core.errors import ImpossibleTrajectoryError
-from mabirds_core.games.interface import FeatureMap, Game, Trajectories, Visitation, discounted_visitation
+from mabirds_core.games.interface import FeatureMap, Trajectories, Visitation, discounted_visitation
+from mabirds_core.games.whole_game import Game
 from mabirds_core.planners.interface import Planner, Policy, TabularPolicy
 from mabirds_core.registry import Kind
 from mabirds_core.rewards.models import RewardModel

@@ -13,7 +13,7 @@ from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.baselines.interface import CentralMethod, MethodParts
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.file import Experiment
-from mabirds_core.games.interface import Game
+from mabirds_core.games.whole_game import Game
 from mabirds_core.planners.interface import Policy
 from mabirds_core.registry import METHODS, build, kind_of, kinds, require
 from mabirds_core.rewards.models import RewardModel, SummableReward

@@ -1,6 +1,6 @@
 """The entry points of the reward models that every game has."""
 
-from mabirds_core.games.interface import Game
+from mabirds_core.games.whole_game import Game
 from mabirds_core.registry import Kind
 from mabirds_core.rewards.models import RewardModel
 from mabirds_core.rewards.settings import LinearRewardSettings, NeuralRewardSettings

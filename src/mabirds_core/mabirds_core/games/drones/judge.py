@@ -9,7 +9,8 @@ import numpy as np
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.metrics import drone_imitation, place_visitation, visitation_distance
 from mabirds_core.games.drones.rollouts import DronePolicy, drone_rollouts
-from mabirds_core.games.interface import ImitationMetrics, Trajectories
+from mabirds_core.games.interface import Trajectories
+from mabirds_core.games.whole_game import ImitationMetrics
 
 EVAL_ROLLOUTS = 500
 """Rollouts that judge a policy."""

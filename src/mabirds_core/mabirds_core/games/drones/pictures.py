@@ -18,7 +18,8 @@ from mabirds_core.arrays import Array, Vector
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.judge import RolloutJudge
 from mabirds_core.games.drones.learned_costs import distance_costs, place_costs
-from mabirds_core.games.interface import Learned, Trajectories
+from mabirds_core.games.interface import Trajectories
+from mabirds_core.games.whole_game import Learned
 
 COLOURS = ("tab:red", "tab:blue", "tab:green", "tab:orange", "tab:purple", "tab:brown")
 """Colours of the drones, in turn."""

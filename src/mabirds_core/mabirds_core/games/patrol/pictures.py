@@ -11,9 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mabirds_core.arrays import Array, Mask
-from mabirds_core.games.interface import Learned, Trajectories
+from mabirds_core.games.interface import Trajectories
 from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_core.games.patrol.visits import visits
+from mabirds_core.games.whole_game import Learned
 
 MAX_DEMONSTRATIONS = 12
 """More lines than these could not be told apart."""
