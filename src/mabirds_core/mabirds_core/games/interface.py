@@ -18,8 +18,12 @@ Steps = NDArray[Any]
 class Trajectories(NamedTuple):
     """m joint trajectories; axis 0 counts trajectories, axis 1 the steps t = 0..T.
 
-    ``states``: (m, T + 1) joint state indices in a tabular game, (m, T + 1, D_s) numbers in a continuous one.
-    ``actions``: (m, T + 1) joint action indices in a tabular game, (m, T + 1, D_a) numbers in a continuous one.
+    Attributes
+    ----------
+    states : Steps
+        Joint state indices, shape (m, T + 1), in a tabular game; numbers, shape (m, T + 1, D_s), in a continuous one.
+    actions : Steps
+        Joint action indices, shape (m, T + 1), in a tabular game; numbers, shape (m, T + 1, D_a), in a continuous one.
     """
 
     states: Steps
@@ -30,7 +34,16 @@ class Visitation(NamedTuple):
     """A weighted set of M state-action pairs: sum_k weights[k] f(states[k], actions[k]) estimates E sum_t gamma^t f.
 
     One trajectory, a batch of rollouts and an exact occupancy measure all take this form, so that features and
-    reward gradients are summed by one function each. The pairs are rows of axis 0.
+    reward gradients are summed by one function each.
+
+    Attributes
+    ----------
+    states : Steps
+        Joint states, one per row of axis 0.
+    actions : Steps
+        Joint actions, one per row of axis 0.
+    weights : Vector
+        Shape (M,).
     """
 
     states: Steps
@@ -108,8 +121,22 @@ class ConstrainedMarkovGame(Protocol):
     def decode(self, states: Array, actions: Array) -> Trajectories:
         """Inverse of ``encode``, checked step by step.
 
-        Raises ImpossibleTrajectoryError for a wrong shape, a value that is no state or action of the game, or a
-        transition that its dynamics do not allow.
+        Parameters
+        ----------
+        states : Array
+            Shape (T + 1, state_size).
+        actions : Array
+            Shape (T + 1, action_size).
+
+        Returns
+        -------
+        Trajectories
+            One trajectory.
+
+        Raises
+        ------
+        ImpossibleTrajectoryError
+            A shape is wrong, a value is no state or action of the game, or its dynamics do not allow a transition.
         """
         ...
 
@@ -169,7 +196,20 @@ class TabularGame(ConstrainedMarkovGame, Protocol):
 
 
 def discounted_visitation(trajectories: Trajectories, discount: float) -> Visitation:
-    """The pairs of m trajectories with weights gamma^t / m: totals over it are means of discounted sums."""
+    """The pairs of m trajectories: totals over them are means of discounted sums.
+
+    Parameters
+    ----------
+    trajectories : Trajectories
+        m of them.
+    discount : float
+        gamma.
+
+    Returns
+    -------
+    Visitation
+        With weights gamma^t / m.
+    """
     count, steps = trajectories.states.shape[:2]
     weights = np.broadcast_to(discount ** np.arange(steps) / count, (count, steps))
     states, actions = (values.reshape(count * steps, *values.shape[2:]) for values in trajectories)

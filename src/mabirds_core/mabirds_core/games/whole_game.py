@@ -21,18 +21,37 @@ class Experts(Protocol):
         ...
 
     def demonstrations(self, count: int, rng: np.random.Generator) -> Iterator[Trajectories]:
-        """``count`` demonstrations of one trajectory each.
+        """Demonstrate.
 
-        Raises InfeasibleError where the game has none.
+        Parameters
+        ----------
+        count : int
+            How many demonstrations.
+        rng : np.random.Generator
+            Of the experts' choices.
+
+        Yields
+        ------
+        Trajectories
+            One each.
+
+        Raises
+        ------
+        InfeasibleError
+            The game has none.
         """
         ...
 
 
 class ImitationMetrics(NamedTuple):
-    """How well a policy does what experts do, each in [0, 1].
+    """How well a policy does what experts do.
 
-    - CVR, constraint violation rate: probability that a trajectory breaks a true constraint at some step.
-    - SR, success rate: probability that no true constraint is broken and every expert is at its goal at step T.
+    Attributes
+    ----------
+    violation_rate : float
+        CVR: probability that a trajectory breaks a true constraint at some step, in [0, 1].
+    success_rate : float
+        SR: probability that no true constraint is broken and every expert is at its goal at step T, in [0, 1].
     """
 
     violation_rate: float
@@ -71,24 +90,74 @@ class Judge(Protocol):
         ...
 
     def distance(self, policies: Sequence[Any], seed: int, rollouts: int | None = None) -> float:
-        """Largest total variation distance between what two of the policies do, in [0, 1]."""
+        """Largest total variation distance between what two of the policies do.
+
+        Parameters
+        ----------
+        policies : Sequence[Any]
+            Of the game.
+        seed : int
+            Of rollouts, where the judge takes some.
+        rollouts : int, optional
+            How many it takes then; None: as many as it does by itself.
+
+        Returns
+        -------
+        float
+            In [0, 1].
+        """
         ...
 
     def log_likelihoods(self, policy: Any, demonstrations: Trajectories) -> Vector | None:
-        """log p of each demonstration under a policy, in nats, shape (m,); None where the game cannot say."""
+        """log p of each demonstration under a policy.
+
+        Parameters
+        ----------
+        policy : Any
+            Of the game.
+        demonstrations : Trajectories
+            m of them.
+
+        Returns
+        -------
+        Vector or None
+            In nats, shape (m,); None where the game cannot say.
+        """
         ...
 
     def constraint_confidences(self, reward: Any, parameters: Any, demonstrations: Trajectories) -> Vector | None:
-        """Confidence that each cost feature is a constraint, shape (K,), -1 for those that were demonstrated.
+        """Confidence that each cost feature is a constraint.
 
-        ``reward``: r_theta; ``parameters``: theta and omega. None where the game has no such test, and constraints are
-        told by the threshold alone.
+        Parameters
+        ----------
+        reward : Any
+            r_theta.
+        parameters : Any
+            theta and omega.
+        demonstrations : Trajectories
+            A learner's own.
+
+        Returns
+        -------
+        Vector or None
+            Shape (K,), -1 for features that were demonstrated. None where the game has no such test, and constraints
+            are told by the threshold alone.
         """
         ...
 
 
 class Learned(NamedTuple):
-    """What a learner ended with: its policy, and which cost features are constraints, shape (K,)."""
+    """What a learner ended with.
+
+    Attributes
+    ----------
+    policy : Any
+        Of its theta and omega.
+    omega : Vector
+        Shape (K,).
+    constraints : Mask
+        Which cost features are constraints, shape (K,).
+    """
 
     policy: Any
     omega: Vector
@@ -114,7 +183,20 @@ class Game(ConstrainedMarkovGame, Protocol):
         ...
 
     def expectation(self, kind: str, count: int) -> Any:
-        """Step 2 of Algorithm 1 (``planners.interface.OccupancyEstimator``); ``count``: m, where sampled."""
+        """Build step 2 of Algorithm 1.
+
+        Parameters
+        ----------
+        kind : str
+            One of ``expectations``.
+        count : int
+            m: rollouts, where sampled.
+
+        Returns
+        -------
+        Any
+            A ``planners.interface.OccupancyEstimator``.
+        """
         ...
 
     def linear_reward(self) -> Any:
@@ -122,7 +204,20 @@ class Game(ConstrainedMarkovGame, Protocol):
         ...
 
     def neural_reward(self, hidden: int, bound: float) -> Any:
-        """r_theta of a small network with ``hidden`` units, |r_theta| <= ``bound``."""
+        """r_theta of a small network.
+
+        Parameters
+        ----------
+        hidden : int
+            Units of the hidden layer.
+        bound : float
+            C: |r_theta| <= C.
+
+        Returns
+        -------
+        Any
+            A ``rewards.models.RewardModel``.
+        """
         ...
 
     def true_reward(self) -> Any:
@@ -130,11 +225,37 @@ class Game(ConstrainedMarkovGame, Protocol):
         ...
 
     def evaluation_planner(self, planner: Any, reward: Any) -> Any:
-        """What finds the policy that theta and omega mean; ``planner``: the settings of the one that learned them."""
+        """Build what finds the policy that theta and omega mean.
+
+        Parameters
+        ----------
+        planner : Any
+            Settings of the planner that learned them.
+        reward : Any
+            r_theta.
+
+        Returns
+        -------
+        Any
+            A ``planners.interface.Planner``.
+        """
         ...
 
     def experts(self, kind: str, side: str) -> Experts:
-        """Experts of one of ``expert_kinds``; ``side``: on which they pass obstacles, where they have a choice."""
+        """Build experts.
+
+        Parameters
+        ----------
+        kind : str
+            One of ``expert_kinds``.
+        side : str
+            On which they pass obstacles, where they have a choice.
+
+        Returns
+        -------
+        Experts
+            Who demonstrate.
+        """
         ...
 
     def measures(self, omega: Vector, demonstrations: Trajectories) -> Mapping[str, Mapping[str, float]]:
@@ -155,7 +276,22 @@ class Game(ConstrainedMarkovGame, Protocol):
         ...
 
     def figure(self, learned: Mapping[str, Learned], threshold: float, seed: int) -> Any:
-        """A picture (matplotlib's Figure) of what learners or methods, by name, ended with."""
+        """Draw what learners or methods ended with.
+
+        Parameters
+        ----------
+        learned : Mapping[str, Learned]
+            By the name of the learner or method.
+        threshold : float
+            -omega from which on a feature counts as a constraint.
+        seed : int
+            Of rollouts, where some are drawn.
+
+        Returns
+        -------
+        Any
+            matplotlib's Figure.
+        """
         ...
 
     def demonstrations_figure(self, demonstrations: Trajectories) -> Any:
