@@ -31,7 +31,22 @@ class RolloutJudge:
         return sorted({round(n) for n in np.linspace(1, count, min(count, MAX_EVAL_ITERATIONS))})
 
     def rollouts(self, policy: DronePolicy, seed: int, count: int = EVAL_ROLLOUTS) -> Trajectories:
-        """Rollouts of a policy, the same for every learner and iteration but for what it decides."""
+        """Roll out a policy, alike for every learner and iteration but for what it decides.
+
+        Parameters
+        ----------
+        policy : DronePolicy
+            pi_t(a | s).
+        seed : int
+            Of the rollouts.
+        count : int, optional
+            How many.
+
+        Returns
+        -------
+        Trajectories
+            From P_0.
+        """
         return drone_rollouts(self.game, policy, count, np.random.default_rng([seed, EVAL_ROLLOUTS]))
 
     def imitation(self, policy: DronePolicy, seed: int, rollouts: int | None = None) -> ImitationMetrics:

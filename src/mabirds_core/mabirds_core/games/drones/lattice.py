@@ -60,7 +60,20 @@ class LatticePolicy:
         return np.asarray(velocities[chosen].reshape(len(states), -1))
 
     def log_weights(self, step: int, states: Array) -> Array:
-        """log mu(a) + Q_t(s, a) / tau up to terms that depend on s alone, shape (M, A, A), or (M, A, 1)."""
+        """log mu(a) + Q_t(s, a) / tau up to terms that depend on s alone.
+
+        Parameters
+        ----------
+        step : int
+            t.
+        states : Array
+            Joint states, shape (M, N_E D).
+
+        Returns
+        -------
+        Array
+            Shape (M, A, A), or (M, A, 1) for a single drone.
+        """
         game, ahead = self.lattice.game, self.values[step + 1]
         stencils, drones = self.lattice.stencils(game.positions(states)), game.drones(states)
         unary = [
@@ -133,7 +146,24 @@ class TransitionKernel:
     def of(
         cls, lattice: Lattice, rewards: tuple[tuple[DroneReward, Vector], ...], drone: int, temperature: float
     ) -> "TransitionKernel":
-        """From every node of the lattice."""
+        """log K_i from every node of the lattice.
+
+        Parameters
+        ----------
+        lattice : Lattice
+            With S nodes.
+        rewards : tuple[tuple[DroneReward, Vector], ...]
+            What r is the sum of, each with its parameters.
+        drone : int
+            Index i.
+        temperature : float
+            tau.
+
+        Returns
+        -------
+        TransitionKernel
+            Of this drone.
+        """
         scores = action_rewards(lattice, rewards, drone, lattice.nodes, temperature)
         with np.errstate(divide="ignore"):
             weights = np.log(lattice.everywhere.weights[:, drone])
@@ -170,11 +200,25 @@ class TransitionKernel:
 
 
 def backup(first: TransitionKernel, second: TransitionKernel, ahead: Array) -> Array:
-    """log ( K_1 exp(ahead) K_2^T ), shape (S, S).
+    """log ( K_1 exp(ahead) K_2^T ).
 
     Values range over thousands of nats, exp over 700. What one drone's place is worth at best is taken out of
     ``ahead`` first and goes into that drone's kernel, where it is scaled row by row; what is left is what the drones
     cost each other. Where even that is too much, every pair of nodes around the drones is summed up in logs.
+
+    Parameters
+    ----------
+    first : TransitionKernel
+        K_1.
+    second : TransitionKernel
+        K_2.
+    ahead : Array
+        gamma V_{t+1} / tau, shape (S, S).
+
+    Returns
+    -------
+    Array
+        Shape (S, S).
     """
     best = ahead.max(axis=1)
     rest = ahead - best[:, None]
@@ -192,7 +236,24 @@ def backup(first: TransitionKernel, second: TransitionKernel, ahead: Array) -> A
 
 
 def pair_by_pair(first: TransitionKernel, second: TransitionKernel, ahead: Array, states: Indices) -> Vector:
-    """Some entries (H, 2) of the same without exp of anything but differences to the largest term, shape (H,)."""
+    """Some entries of ``backup`` without exp of anything but differences to the largest term.
+
+    Parameters
+    ----------
+    first : TransitionKernel
+        K_1.
+    second : TransitionKernel
+        K_2.
+    ahead : Array
+        gamma V_{t+1} / tau, shape (S, S).
+    states : Indices
+        Which entries, shape (H, 2).
+
+    Returns
+    -------
+    Vector
+        Shape (H,).
+    """
     here, there = states.T
     terms = ahead[first.nodes[here][:, :, None], second.nodes[there][:, None, :]]
     terms = terms + first.logs[here][:, :, None] + second.logs[there][:, None, :]

@@ -38,7 +38,15 @@ class Stencil:
 
 @dataclass(frozen=True)
 class Lattice:
-    """Nodes at most ``spacing`` metres apart over the arena of a game of single integrators."""
+    """A lattice over the arena of a game of single integrators.
+
+    Attributes
+    ----------
+    game : DroneGame
+        With the arena.
+    spacing : float
+        Largest distance of two neighbouring nodes [m].
+    """
 
     game: DroneGame
     spacing: float
@@ -94,7 +102,26 @@ class Lattice:
 def action_rewards(
     lattice: Lattice, rewards: tuple[tuple[DroneReward, Vector], ...], drone: int, states: Array, temperature: float
 ) -> Array:
-    """log mu(a) + r_i(s, a) / tau of one drone's M states (M, 2) and A actions, shape (M, A)."""
+    """log mu(a) + r_i(s, a) / tau of one drone.
+
+    Parameters
+    ----------
+    lattice : Lattice
+        With the actions.
+    rewards : tuple[tuple[DroneReward, Vector], ...]
+        What r is the sum of, each with its parameters.
+    drone : int
+        Index i.
+    states : Array
+        Shape (M, 2).
+    temperature : float
+        tau.
+
+    Returns
+    -------
+    Array
+        Shape (M, A).
+    """
     velocities, shares = lattice.action_set
     terms = (reward.unary(weights, drone, states[:, None], velocities) for reward, weights in rewards)
     return np.asarray(np.log(shares) + sum(terms, np.zeros((len(states), 1))) / temperature)

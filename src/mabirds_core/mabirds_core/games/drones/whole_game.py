@@ -85,7 +85,22 @@ class WholeDroneGame(DroneGame):
 
 
 def build_lattice(settings: LatticeSettings, game: DroneGame, reward: DroneRewardModel) -> Planner:
-    """The planner of the settings."""
+    """Build the planner of the settings.
+
+    Parameters
+    ----------
+    settings : LatticeSettings
+        With spacing and temperature.
+    game : DroneGame
+        Of drones.
+    reward : DroneRewardModel
+        r_theta.
+
+    Returns
+    -------
+    Planner
+        A ``LatticePlanner``.
+    """
     require("scipy", "policies of drones on a lattice", DRONES)
     from mabirds_core.games.drones.lattice import LatticePlanner  # scipy is for drones: patrols do without
 
