@@ -15,7 +15,7 @@ CODE = re.compile(r"`([^`\n]+)`")
 
 
 def names(page: str) -> list[str]:
-    """Dotted names in backticks, such as `consensus.schedule.validate`."""
+    """Dotted names in backticks, such as `consensus.assumptions.validate`."""
     spans = CODE.findall((DOCS / page).read_text(encoding="utf-8"))
     return sorted({span for span in spans if re.fullmatch(r"[a-z]\w*(\.\w+)+", span)})
 

@@ -18,8 +18,9 @@ from damage import Example, examples, outcome
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mabirds_core.consensus.assumptions import validate
 from mabirds_core.consensus.generators import gossip
-from mabirds_core.consensus.schedule import EdgeSchedule, validate
+from mabirds_core.consensus.schedule import EdgeSchedule
 from mabirds_core.errors import ExperimentError, ScheduleError
 from mabirds_core.experiment.assembly import build_game
 from mabirds_core.experiment.file import Experiment, load_experiment

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from sessions import demonstrations
 
 from mabirds_core.algorithm.parameters import Parameters
-from mabirds_core.consensus.schedule import EdgeSchedule, both_ways, connectivity_window
+from mabirds_core.consensus.assumptions import connectivity_window
+from mabirds_core.consensus.schedule import EdgeSchedule, both_ways
 from mabirds_core.consensus.weights import Edge
 from mabirds_core.errors import RefusedMessageError, ScheduleError
 from mabirds_core.experiment.assembly import build_learner

@@ -3,7 +3,7 @@
 from typing import Literal
 
 from mabirds_core.errors import ExperimentError
-from mabirds_core.games.interface import Game
+from mabirds_core.games.whole_game import Game
 from mabirds_core.registry import Kind
 from mabirds_core.settings import Settings
 from mabirds_junction.game import JunctionGame

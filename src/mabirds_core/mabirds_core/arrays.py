@@ -14,8 +14,24 @@ Mask = NDArray[np.bool_]
 
 
 def weighted_counts(indices: NDArray[np.integer], weights: Array, size: int) -> Vector:
-    """Sum of the weights at each index from 0 to ``size`` - 1, shape (size,).
+    """Sum of the weights at each index.
 
+    Parameters
+    ----------
+    indices : NDArray[np.integer]
+        From 0 to ``size`` - 1, of any shape.
+    weights : Array
+        Of the same shape.
+    size : int
+        How many sums there are.
+
+    Returns
+    -------
+    Vector
+        Shape (size,).
+
+    Examples
+    --------
     >>> weighted_counts(np.array([0, 2, 2]), np.array([1.0, 0.5, 0.25]), 3).tolist()
     [1.0, 0.0, 0.75]
     """

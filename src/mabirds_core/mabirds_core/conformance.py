@@ -20,7 +20,8 @@ from mabirds_core.consensus.generators import complete_edges, static
 from mabirds_core.consensus.mixer import AnyMixer
 from mabirds_core.consensus.schedule import EdgeSchedule
 from mabirds_core.errors import ImpossibleTrajectoryError
-from mabirds_core.games.interface import FeatureMap, Game, Trajectories, Visitation, discounted_visitation
+from mabirds_core.games.interface import FeatureMap, Trajectories, Visitation, discounted_visitation
+from mabirds_core.games.whole_game import Game
 from mabirds_core.planners.interface import Planner, Policy, TabularPolicy
 from mabirds_core.registry import Kind
 from mabirds_core.rewards.models import RewardModel
@@ -34,7 +35,20 @@ STEP = 1e-5
 
 
 def check_settings(kind: Kind, content: dict[str, object]) -> Settings:
-    """The settings of ``content`` are read, refused where misspelt, and cannot be changed; returns them."""
+    """Check that settings are read, refused where misspelt, and cannot be changed.
+
+    Parameters
+    ----------
+    kind : Kind
+        With the settings' model.
+    content : dict[str, object]
+        As of an experiment file.
+
+    Returns
+    -------
+    Settings
+        The settings of ``content``.
+    """
     model = kind.settings
     settings = model.model_validate(content)
     again = model.model_validate_json(settings.model_dump_json())
@@ -46,7 +60,15 @@ def check_settings(kind: Kind, content: dict[str, object]) -> Settings:
 
 
 def check_game(game: Game, seed: int = 0) -> None:
-    """Encoding, refusals, features, constraints and experts of a game that has experts."""
+    """Check encoding, refusals, features, constraints and experts of a game that has experts.
+
+    Parameters
+    ----------
+    game : Game
+        A small one.
+    seed : int, optional
+        Of demonstrations.
+    """
     _require(game.horizon >= 1, f"horizon {game.horizon}: expected at least 1")
     _require(0 < game.discount <= 1, f"discount {game.discount}: expected in (0, 1]")
     _require(game.digest == game.digest != "", "digest: expected the same text each time")
@@ -119,7 +141,17 @@ def _check_features(features: FeatureMap, visitation: Visitation) -> None:
 
 
 def check_reward(model: RewardModel, game: Game, seed: int = 0) -> None:
-    """Shapes, and for tables the gradient against finite differences."""
+    """Check shapes, and for tables the gradient against finite differences.
+
+    Parameters
+    ----------
+    model : RewardModel
+        r_theta.
+    game : Game
+        A small one that it fits.
+    seed : int, optional
+        Of theta and demonstrations.
+    """
     rng = np.random.default_rng(seed)
     theta = model.initial(rng)
     _require(theta.shape == (model.size,), f"initial: shape {theta.shape}, expected ({model.size},)")
@@ -136,7 +168,19 @@ def check_reward(model: RewardModel, game: Game, seed: int = 0) -> None:
 
 
 def check_planner(planner: Planner, game: Game, reward: RewardModel, seed: int = 0) -> None:
-    """The same policy from the same arguments, probabilities, and a memory that serves as the policy did."""
+    """Check for the same policy from the same arguments, probabilities, and a memory that serves as the policy did.
+
+    Parameters
+    ----------
+    planner : Planner
+        Of the game and the reward.
+    game : Game
+        A small one.
+    reward : RewardModel
+        r_theta.
+    seed : int, optional
+        Of theta and omega.
+    """
     rng = np.random.default_rng(seed)
     theta, omega = rng.normal(size=reward.size), rng.normal(size=len(game.cost_features.names))
     first, second = (planner.plan(theta, omega, rng=np.random.default_rng(1)) for _ in range(2))
@@ -167,7 +211,17 @@ def _check_probabilities(policy: TabularPolicy, game: Game) -> None:
 
 
 def check_method(method: CentralMethod, game: Game, seed: int = 0) -> None:
-    """Iterations, shapes and work of a central method, and the same result again."""
+    """Check iterations, shapes and work of a central method, and that it gives the same result again.
+
+    Parameters
+    ----------
+    method : CentralMethod
+        For the game.
+    game : Game
+        A small one.
+    seed : int, optional
+        Of demonstrations.
+    """
     shown = _demonstrations(game, seed)
     results = []
     for _ in range(2):
@@ -188,8 +242,15 @@ def check_method(method: CentralMethod, game: Game, seed: int = 0) -> None:
 
 
 def check_mixers(mixers: Iterable[AnyMixer]) -> None:
-    """Mixers of all learners of one schedule: the mean stays, learners come together, checkpoints lose nothing.
+    """Check that the mean stays, learners come together, and checkpoints lose nothing.
 
+    Parameters
+    ----------
+    mixers : Iterable[AnyMixer]
+        Of all learners of one schedule.
+
+    Examples
+    --------
     >>> from mabirds_core.consensus.strict import StrictMixer
     >>> schedule = complete_schedule(("ann", "bob", "cid"))
     >>> check_mixers(StrictMixer(name, schedule) for name in schedule.learners)

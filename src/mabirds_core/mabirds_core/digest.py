@@ -19,7 +19,22 @@ def digest(content: Any) -> str:
 
 
 def trajectory_digest(kind: str, dynamics: Any, horizon: int) -> str:
-    """Digest of what decides a game's trajectories: states, actions and ``dynamics``, over ``horizon`` + 1 steps."""
+    """Digest of what decides a game's trajectories.
+
+    Parameters
+    ----------
+    kind : str
+        Of the game.
+    dynamics : Any
+        States, actions and what follows them, as JSON can write them.
+    horizon : int
+        T.
+
+    Returns
+    -------
+    str
+        With the version of its format.
+    """
     return _versioned(GAME_FORMAT, {"game": kind, "dynamics": dynamics, "horizon": horizon})
 
 

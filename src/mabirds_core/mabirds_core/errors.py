@@ -30,7 +30,15 @@ class InfeasibleError(MabirdsError):
 
 
 class RefusedMessageError(MabirdsError):
-    """A message that must not be used. ``reason`` is a short name to count by."""
+    """A message that must not be used.
+
+    Parameters
+    ----------
+    reason
+        A short name to count by.
+    explanation
+        For people.
+    """
 
     def __init__(self, reason: str, explanation: str) -> None:
         super().__init__(explanation)

@@ -87,17 +87,63 @@ def kinds(group: str) -> dict[str, Kind]:
 
 
 def kind_of(group: str, settings: Any) -> Kind:
-    """The kind that parsed ``settings``."""
+    """The kind that parsed some settings.
+
+    Parameters
+    ----------
+    group : str
+        One of GROUPS.
+    settings : Any
+        As read from an experiment file.
+
+    Returns
+    -------
+    Kind
+        Of ``settings.kind``.
+    """
     return kinds(group)[settings.kind]
 
 
 def build(group: str, settings: Any, *parts: Any) -> Any:
-    """What ``settings`` describe."""
+    """Build what settings describe.
+
+    Parameters
+    ----------
+    group : str
+        One of GROUPS.
+    settings : Any
+        As read from an experiment file.
+    *parts : Any
+        What the group says, see ``Kind``.
+
+    Returns
+    -------
+    Any
+        A game, a reward model, and so on.
+    """
     return kind_of(group, settings).build(settings, *parts)
 
 
 def require(group: str, name: str) -> Kind:
-    """A kind by name; raises ExperimentError saying which there are, and which package's kind fails and how."""
+    """A kind by name.
+
+    Parameters
+    ----------
+    group : str
+        One of GROUPS.
+    name : str
+        Of its entry point.
+
+    Returns
+    -------
+    Kind
+        One that can be used.
+
+    Raises
+    ------
+    ExperimentError
+        There is none; the message says which there are, or which package's kind fails and how.
+    """
     offer = offers(group).get(name)
     if offer is None:
         raise ExperimentError(f"{name!r} is none of the {GROUPS[group]} {sorted(kinds(group))}{REMEDY}")

@@ -2,8 +2,22 @@
 
 
 def truncate(text: str, most: int = 80) -> str:
-    """The text, or its first ``most`` characters and how many there were.
+    """Shorten a text.
 
+    Parameters
+    ----------
+    text : str
+        Of any length.
+    most : int, optional
+        Characters that are kept.
+
+    Returns
+    -------
+    str
+        The text, or its first characters and how many there were.
+
+    Examples
+    --------
     >>> truncate("digest" * 100, most=9)
     'digestdig... (600 characters)'
     """
@@ -11,8 +25,22 @@ def truncate(text: str, most: int = 80) -> str:
 
 
 def sanitize(text: str, most: int = 300) -> str:
-    r"""The text on one line, ``truncate``, with everything escaped that is no character to be seen.
+    r"""Escape everything that is no character to be seen, and shorten.
 
+    Parameters
+    ----------
+    text : str
+        Of any length.
+    most : int, optional
+        Characters that are kept.
+
+    Returns
+    -------
+    str
+        On one line; the first characters and how many there were.
+
+    Examples
+    --------
     >>> sanitize("all is well\n\x1b[2J")
     'all is well\\n\\x1b[2J'
     """

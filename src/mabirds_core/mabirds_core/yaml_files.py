@@ -22,7 +22,15 @@ FAILURES = (yaml.YAMLError, RecursionError, ValueError, LookupError, AttributeEr
 
 
 def read_yaml(path: Path) -> Any:
-    """The content of a file. Raises OSError where it cannot be read, ValueError where it is no YAML or too large."""
+    """The content of a file.
+
+    Raises
+    ------
+    OSError
+        It cannot be read.
+    ValueError
+        It is no YAML, or too large.
+    """
     with path.open("rb") as stream:
         content = stream.read(MAX_FILE + 1)
     if len(content) > MAX_FILE:

@@ -8,7 +8,8 @@ import numpy as np
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.assembly import build_game
 from mabirds_core.experiment.file import Experiment
-from mabirds_core.games.interface import Game, Trajectories
+from mabirds_core.games.interface import Trajectories
+from mabirds_core.games.whole_game import Game
 from mabirds_msgs_py.bag_writer import BagWriter
 from mabirds_msgs_py.conversion import NANOSECONDS, demonstration_message
 from mabirds_msgs_py.topics import bag_topic

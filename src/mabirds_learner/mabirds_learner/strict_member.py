@@ -11,7 +11,8 @@ from mabirds_core.algorithm.learner import Learner
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.algorithm.storage import from_arrays
 from mabirds_core.arrays import Array
-from mabirds_core.consensus.schedule import EdgeSchedule, connectivity_window
+from mabirds_core.consensus.assumptions import connectivity_window
+from mabirds_core.consensus.schedule import EdgeSchedule
 from mabirds_core.errors import ScheduleError
 from mabirds_learner.inbox import check_iteration
 from mabirds_learner.member import Limits, nothing

@@ -9,16 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from mabirds_core.consensus.assumptions import connectivity_window, contraction, validate
 from mabirds_core.consensus.generators import directed_ring, gossip, random_matching
-from mabirds_core.consensus.schedule import (
-    EdgeSchedule,
-    both_ways,
-    connectivity_window,
-    contraction,
-    delivered_edges,
-    edge_mismatches,
-    validate,
-)
+from mabirds_core.consensus.schedule import EdgeSchedule, both_ways, delivered_edges, edge_mismatches
 from mabirds_core.errors import ScheduleError
 
 NAMES = ("a", "b", "c")

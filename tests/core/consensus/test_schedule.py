@@ -10,16 +10,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from mabirds_core.consensus import schedule as schedule_module
+from mabirds_core.consensus.assumptions import connectivity_window, unreachable, validate
 from mabirds_core.consensus.generators import alternating_ring, complete_edges, ring_edges, static
-from mabirds_core.consensus.schedule import (
-    EdgeSchedule,
-    both_ways,
-    connectivity_window,
-    delivered_edges,
-    require_size,
-    unreachable,
-    validate,
-)
+from mabirds_core.consensus.schedule import EdgeSchedule, both_ways, delivered_edges, require_size
 from mabirds_core.consensus.weights import Edge
 from mabirds_core.digest import digest
 from mabirds_core.errors import ScheduleError

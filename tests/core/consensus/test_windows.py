@@ -10,16 +10,9 @@ from graphs import network
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from mabirds_core.consensus.assumptions import connectivity_window, contraction, unreachable, validate
 from mabirds_core.consensus.generators import complete_edges, ring_edges
-from mabirds_core.consensus.schedule import (
-    EdgeSchedule,
-    End,
-    both_ways,
-    connectivity_window,
-    contraction,
-    unreachable,
-    validate,
-)
+from mabirds_core.consensus.schedule import EdgeSchedule, End, both_ways
 from mabirds_core.consensus.weights import Edge
 
 

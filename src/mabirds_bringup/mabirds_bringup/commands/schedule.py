@@ -11,7 +11,8 @@ from rich.table import Table
 from mabirds_bringup.commands.options import ExperimentFile, Json
 from mabirds_bringup.console import console, guarded_output, print_json
 from mabirds_core.consensus import generators
-from mabirds_core.consensus.schedule import EdgeSchedule, validate
+from mabirds_core.consensus.assumptions import validate
+from mabirds_core.consensus.schedule import EdgeSchedule
 from mabirds_core.experiment.file import load_experiment
 
 MAX_ROWS = 40

@@ -12,7 +12,8 @@ from mabirds_core.arrays import Mask, Vector
 from mabirds_core.experiment.assembly import build_game, evaluation_policy, reward_of
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History, Streams
-from mabirds_core.games.interface import Game, Trajectories
+from mabirds_core.games.interface import Trajectories
+from mabirds_core.games.whole_game import Game
 from mabirds_core.metrics.constraints import ConstraintErrors, by_threshold, constraint_errors, ranking_auc
 from mabirds_core.metrics.curves import late_mean, late_minimum, stays_from
 from mabirds_core.metrics.metrics import consensus_distance

@@ -8,7 +8,8 @@ from mabirds_bringup.console import console, progress_bar, summary_table
 from mabirds_bringup.evaluate.evaluation import evaluate, summary
 from mabirds_bringup.report.page import write_report
 from mabirds_bringup.run import run_directory
-from mabirds_core.consensus.schedule import DeliveredEdges, EdgeSchedule, delivered_edges, edge_mismatches, validate
+from mabirds_core.consensus.assumptions import validate
+from mabirds_core.consensus.schedule import DeliveredEdges, EdgeSchedule, delivered_edges, edge_mismatches
 from mabirds_core.errors import ScheduleError
 from mabirds_core.experiment.assembly import build_game
 from mabirds_core.experiment.file import Experiment

@@ -12,7 +12,7 @@ from mabirds_bringup.evaluate.evaluation import Evaluation
 from mabirds_core.experiment.assembly import build_game, evaluation_policy
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History
-from mabirds_core.games.interface import Learned
+from mabirds_core.games.whole_game import Learned
 
 DOTS_PER_INCH = 110
 

@@ -25,7 +25,19 @@ from mabirds_core.games.interface import Trajectories
 
 @dataclass(frozen=True)
 class Bics:
-    """``memory``: that of iteration 1, which is empty."""
+    """The single loop with one central learner.
+
+    Attributes
+    ----------
+    estimator : GradientEstimator
+        Of the gradient.
+    steps : StepRule
+        The step rule.
+    memory : Memory
+        That of iteration 1, which is empty.
+    seed : int
+        Of theta(1) and of rollouts.
+    """
 
     estimator: GradientEstimator
     steps: StepRule

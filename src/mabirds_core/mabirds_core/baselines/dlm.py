@@ -22,7 +22,23 @@ from mabirds_core.games.interface import Trajectories
 
 @dataclass(frozen=True)
 class Dlm:
-    """``window``: l. ``tolerance``: of the inner problem, in discounted counts. ``max_steps``: of the inner loop."""
+    """The double loop.
+
+    Attributes
+    ----------
+    estimator : GradientEstimator
+        Of the gradient.
+    steps : StepRule
+        The step rule of either loop.
+    window : int
+        l.
+    tolerance : float
+        Of the inner problem, in discounted counts.
+    max_steps : int
+        Of the inner loop.
+    seed : int
+        Of theta(1) and of rollouts.
+    """
 
     estimator: GradientEstimator
     steps: StepRule

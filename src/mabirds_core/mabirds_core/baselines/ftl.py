@@ -22,7 +22,21 @@ from mabirds_core.games.interface import Trajectories
 
 @dataclass(frozen=True)
 class Ftl:
-    """``tolerance``: of the stationary point, in discounted counts. ``max_steps``: per iteration."""
+    """Follow the leader.
+
+    Attributes
+    ----------
+    estimator : GradientEstimator
+        Of the gradient.
+    steps : StepRule
+        The step rule.
+    tolerance : float
+        Of the stationary point, in discounted counts.
+    max_steps : int
+        Per iteration.
+    seed : int
+        Of theta(1) and of rollouts.
+    """
 
     estimator: GradientEstimator
     steps: StepRule

@@ -20,7 +20,20 @@ class Cost(NamedTuple):
     policy_solves: int = 0
 
     def more(self, gradient_steps: int, policy_solves: int) -> "Cost":
-        """The cost with these steps and solves added."""
+        """Add to the cost.
+
+        Parameters
+        ----------
+        gradient_steps : int
+            Made since.
+        policy_solves : int
+            Made since.
+
+        Returns
+        -------
+        Cost
+            The sum.
+        """
         return Cost(self.gradient_steps + gradient_steps, self.policy_solves + policy_solves)
 
 
@@ -59,12 +72,42 @@ class CentralMethod(Protocol):
         ...
 
     def update(self, state: CentralState, demonstrations: Trajectories) -> CentralState:
-        """Online iteration n with ``demonstrations`` of iteration n, one row per stream."""
+        """Online iteration n.
+
+        Parameters
+        ----------
+        state : CentralState
+            Before it.
+        demonstrations : Trajectories
+            Of iteration n, one row per stream.
+
+        Returns
+        -------
+        CentralState
+            Before iteration n + 1.
+        """
         ...
 
 
 def first_state(estimator: GradientEstimator, steps: StepRule, memory: Memory, seed: int) -> CentralState:
-    """Iteration 1 with the parameters that learners of the network begin with."""
+    """Iteration 1 with the parameters that learners of the network begin with.
+
+    Parameters
+    ----------
+    estimator : GradientEstimator
+        Which knows theta(1) and omega(1).
+    steps : StepRule
+        The step rule.
+    memory : Memory
+        Empty.
+    seed : int
+        Of theta(1).
+
+    Returns
+    -------
+    CentralState
+        Before the first demonstration.
+    """
     parameters = estimator.initial_parameters(seed)
     return CentralState(1, parameters, memory, steps.initial(parameters))
 

@@ -16,29 +16,94 @@ from mabirds_core.registry import Kind
 
 
 def build_bics(settings: BicsSettings, parts: MethodParts) -> Bics:  # noqa: ARG001 - there is nothing to set
-    """The single loop with one central learner."""
+    """Build the single loop with one central learner.
+
+    Parameters
+    ----------
+    settings : BicsSettings
+        There is nothing to set.
+    parts : MethodParts
+        Of the experiment.
+
+    Returns
+    -------
+    Bics
+        The method.
+    """
     return Bics(parts.estimator(parts.reward), parts.steps, parts.memory(parts.reward), parts.seed)
 
 
 def build_ftl(settings: FtlSettings, parts: MethodParts) -> Ftl:
-    """Follow the leader."""
+    """Build follow the leader.
+
+    Parameters
+    ----------
+    settings : FtlSettings
+        Of the method.
+    parts : MethodParts
+        Of the experiment.
+
+    Returns
+    -------
+    Ftl
+        The method.
+    """
     steps = settings.steps or parts.steps
     return Ftl(parts.estimator(parts.reward), steps, settings.tolerance, settings.max_steps, parts.seed)
 
 
 def build_dlm(settings: DlmSettings, parts: MethodParts) -> Dlm:
-    """The double loop."""
+    """Build the double loop.
+
+    Parameters
+    ----------
+    settings : DlmSettings
+        Of the method.
+    parts : MethodParts
+        Of the experiment.
+
+    Returns
+    -------
+    Dlm
+        The method.
+    """
     steps, estimator = settings.steps or parts.steps, parts.estimator(parts.reward)
     return Dlm(estimator, steps, settings.window, settings.tolerance, settings.max_steps, parts.seed)
 
 
 def build_me_greedy(settings: MeGreedySettings, parts: MethodParts) -> MeGreedy:
-    """Constraints, by likelihood."""
+    """Build the inference of constraints by likelihood.
+
+    Parameters
+    ----------
+    settings : MeGreedySettings
+        Of the method.
+    parts : MethodParts
+        Of the experiment.
+
+    Returns
+    -------
+    MeGreedy
+        The method.
+    """
     return MeGreedy(parts.game, settings.least_mass)
 
 
 def build_me_gradient(settings: MeGradientSettings, parts: MethodParts) -> Bics:
-    """BICS with nothing to learn but omega."""
+    """Build BICS with nothing to learn but omega.
+
+    Parameters
+    ----------
+    settings : MeGradientSettings
+        Of the method.
+    parts : MethodParts
+        Of the experiment.
+
+    Returns
+    -------
+    Bics
+        With the true reward.
+    """
     reward = parts.game.true_reward()
     return Bics(parts.estimator(reward), settings.steps or parts.steps, parts.memory(reward), parts.seed)
 

@@ -58,12 +58,38 @@ class MeGreedy:
 
 
 def broken_features(game: TabularGame, demonstrations: Trajectories) -> Mask:
-    """Which cost features a demonstration touches, shape (K,)."""
+    """Which cost features demonstrations touch.
+
+    Parameters
+    ----------
+    game : TabularGame
+        With the cost features.
+    demonstrations : Trajectories
+        At least one.
+
+    Returns
+    -------
+    Mask
+        Shape (K,).
+    """
     return game.cost_features.total(discounted_visitation(demonstrations, game.discount)) > 0
 
 
 def violation_probabilities(game: TabularGame, policy: TabularPolicy) -> Vector:
-    """P(phi_k(s_t, a_t) > 0 at some step t = 0..T) for every cost feature k, shape (K,)."""
+    """P(phi_k(s_t, a_t) > 0 at some step t = 0..T) for every cost feature k.
+
+    Parameters
+    ----------
+    game : TabularGame
+        With the cost features.
+    policy : TabularPolicy
+        pi_t(a | s).
+
+    Returns
+    -------
+    Vector
+        Shape (K,).
+    """
     everywhere, size = np.arange(game.n_states), len(game.cost_features.names)
     respected = [game.cost_features.table(unit) == 0 for unit in np.eye(size)]
     clean = np.ones((size, game.n_states))

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mabirds_core.consensus.schedule import EdgeSchedule, both_ways, require_size, unreachable
+from mabirds_core.consensus.assumptions import unreachable
+from mabirds_core.consensus.schedule import EdgeSchedule, both_ways, require_size
 from mabirds_core.consensus.weights import Edge
 from mabirds_core.errors import ScheduleError
 
@@ -13,7 +14,20 @@ MAX_DRAWS = 1000
 
 
 def static(learners: Sequence[str], edges: Sequence[Edge]) -> EdgeSchedule:
-    """The same undirected graph at every iteration."""
+    """The same undirected graph at every iteration.
+
+    Parameters
+    ----------
+    learners : Sequence[str]
+        Names, in the order that ``edges`` counts.
+    edges : Sequence[Edge]
+        Pairs of learners, each named in one direction.
+
+    Returns
+    -------
+    EdgeSchedule
+        One slot with every edge both ways.
+    """
     return EdgeSchedule(tuple(learners), (both_ways(edges),))
 
 
@@ -47,12 +61,52 @@ def directed_ring(learners: Sequence[str]) -> EdgeSchedule:
 
 
 def random_matching(learners: Sequence[str], slots: int, seed: int) -> EdgeSchedule:
-    """Every slot pairs the learners at random, both ways; with an odd number one is left alone."""
+    """Every slot pairs the learners at random, both ways; with an odd number one is left alone.
+
+    Parameters
+    ----------
+    learners : Sequence[str]
+        Names.
+    slots : int
+        How many are drawn.
+    seed : int
+        Of the draw.
+
+    Returns
+    -------
+    EdgeSchedule
+        Slots whose union connects all learners.
+
+    Raises
+    ------
+    ScheduleError
+        The slots are too few to connect them, or too many to be checked.
+    """
     return _connected(learners, slots, seed, len(learners) // 2)
 
 
 def gossip(learners: Sequence[str], slots: int, seed: int) -> EdgeSchedule:
-    """Every slot opens one random pair, both ways."""
+    """Every slot opens one random pair, both ways.
+
+    Parameters
+    ----------
+    learners : Sequence[str]
+        Names.
+    slots : int
+        How many are drawn.
+    seed : int
+        Of the draw.
+
+    Returns
+    -------
+    EdgeSchedule
+        Slots whose union connects all learners.
+
+    Raises
+    ------
+    ScheduleError
+        The slots are too few to connect them, or too many to be checked.
+    """
     return _connected(learners, slots, seed, 1)
 
 

@@ -2,16 +2,31 @@
 
 from collections.abc import Iterable
 
-from mabirds_core.consensus.schedule import EdgeSchedule, validate
+from mabirds_core.consensus.assumptions import validate
+from mabirds_core.consensus.schedule import EdgeSchedule
 from mabirds_core.errors import ScheduleError
 from mabirds_core.texts import truncate
 
 
 def restrict(schedule: EdgeSchedule, members: Iterable[str]) -> EdgeSchedule:
-    """The schedule with the edges between ``members`` only, in the order of its learners; weights follow from it.
+    """Leave only the edges between some of the learners; weights follow from what remains.
 
-    Raises ScheduleError for a member that is none of the learners, for no member, and where what remains breaks
-    Assumption 2 or 3.
+    Parameters
+    ----------
+    schedule : EdgeSchedule
+        Of all learners.
+    members : Iterable[str]
+        Names of those who stay, in any order.
+
+    Returns
+    -------
+    EdgeSchedule
+        The members in the order of ``schedule.learners``, and the edges between them.
+
+    Raises
+    ------
+    ScheduleError
+        A member is none of the learners, there is no member, or what remains breaks Assumption 2 or 3.
     """
     chosen = set(members)
     if not chosen or not chosen <= set(schedule.learners):

@@ -51,15 +51,58 @@ class Mixer(Protocol[State, Message]):
         ...
 
     def outgoing(self, state: State, iteration: int) -> dict[str, Message]:
-        """What is to be sent at iteration n, by the name of the out-neighbour of E(n)."""
+        """What is to be sent at iteration n.
+
+        Parameters
+        ----------
+        state : State
+            The state at iteration n.
+        iteration : int
+            n.
+
+        Returns
+        -------
+        dict[str, Message]
+            By the name of the out-neighbour of E(n).
+        """
         ...
 
     def incoming(self, state: State, iteration: int, messages: Mapping[str, Message]) -> State:
-        """The state with what in-neighbours of E(n) have sent, by their names."""
+        """Take what in-neighbours have sent.
+
+        Parameters
+        ----------
+        state : State
+            The state at iteration n.
+        iteration : int
+            n.
+        messages : Mapping[str, Message]
+            By the name of the in-neighbour of E(n).
+
+        Returns
+        -------
+        State
+            The state at n that knows them.
+        """
         ...
 
     def mix(self, state: State, iteration: int, local_step: LocalStep | None) -> State:
-        """The state at n + 1; without ``local_step``, as in a closing round, what is known is mixed and no more."""
+        """Go on to iteration n + 1.
+
+        Parameters
+        ----------
+        state : State
+            The state at iteration n with what was received.
+        iteration : int
+            n.
+        local_step : LocalStep or None
+            Learner v's own step. None, as in a closing round: what is known is mixed and no more.
+
+        Returns
+        -------
+        State
+            The state at n + 1.
+        """
         ...
 
     def to_arrays(self, state: State) -> dict[str, Array]:
@@ -67,7 +110,25 @@ class Mixer(Protocol[State, Message]):
         ...
 
     def from_arrays(self, parameters: Parameters, arrays: Mapping[str, Array]) -> State:
-        """The state again from theta(n), omega(n) and such arrays; raises CheckpointError where they do not fit."""
+        """Inverse of ``to_arrays``.
+
+        Parameters
+        ----------
+        parameters : Parameters
+            theta(n), omega(n).
+        arrays : Mapping[str, Array]
+            By name, as ``to_arrays`` gave them.
+
+        Returns
+        -------
+        State
+            The state again.
+
+        Raises
+        ------
+        CheckpointError
+            The arrays do not fit the parameters.
+        """
         ...
 
 

@@ -52,9 +52,16 @@ class RunningSum(NamedTuple):
 class PushSumState(NamedTuple):
     """One learner's side of the exchange.
 
-    ``mass``: s and y, shape (K_theta + K_omega + 1,). ``sent``, ``received``: by neighbour all that it was ever sent,
-    sigma, and all that was taken of what it sent, rho. ``parameters``: the estimate theta, omega = s / y, of when y
-    was last large enough for one.
+    Attributes
+    ----------
+    mass : Vector
+        s and y, shape (K_theta + K_omega + 1,).
+    sent : Mapping[str, RunningSum]
+        By neighbour: all that it was ever sent, sigma.
+    received : Mapping[str, RunningSum]
+        By neighbour: all that was taken of what it sent, rho.
+    parameters : Parameters
+        The estimate theta, omega = s / y, of when y was last large enough for one.
     """
 
     mass: Vector
@@ -64,7 +71,20 @@ class PushSumState(NamedTuple):
 
     @classmethod
     def init(cls, parameters: Parameters, initial_weight: float = 1.0) -> "PushSumState":
-        """A learner that knows nobody yet: s = y (theta, omega), y = ``initial_weight``; 0: it brings no mass."""
+        """A learner that knows nobody yet: s = y (theta, omega).
+
+        Parameters
+        ----------
+        parameters : Parameters
+            theta, omega.
+        initial_weight : float, optional
+            y; 0 for a learner that brings no mass.
+
+        Returns
+        -------
+        PushSumState
+            With nothing sent or received.
+        """
         mass = initial_weight * np.concatenate([parameters.theta, parameters.omega, [1.0]])
         return cls(mass, {}, {}, parameters)
 
@@ -74,7 +94,20 @@ class PushSumState(NamedTuple):
         return float(self.mass[-1])
 
     def send(self, outgoing_weights: Mapping[str, float], own_weight: float) -> "PushSumState":
-        """sigma_vu <- sigma_vu + W[u, v] s_v for each neighbour u, s_v <- W[v, v] s_v; the weights sum to 1."""
+        """Give shares of the mass: sigma_vu <- sigma_vu + W[u, v] s_v for each neighbour u, s_v <- W[v, v] s_v.
+
+        Parameters
+        ----------
+        outgoing_weights : Mapping[str, float]
+            W[u, v] by the name of u.
+        own_weight : float
+            W[v, v]; all weights together sum to 1.
+
+        Returns
+        -------
+        PushSumState
+            After the send.
+        """
         sent = {name: self._sent(name).plus(weight * self.mass) for name, weight in outgoing_weights.items()}
         return self._replace(mass=own_weight * self.mass, sent={**self.sent, **sent})
 
@@ -82,7 +115,20 @@ class PushSumState(NamedTuple):
         return self.sent.get(name) or RunningSum.zero(self.mass.size)
 
     def receive(self, name: str, total: RunningSum) -> "PushSumState":
-        """s_v <- s_v + sigma_uv - rho_uv, rho_uv <- sigma_uv: what ``name`` has sent since its last sum arrived."""
+        """Take what u has sent since its last sum arrived: s_v <- s_v + sigma_uv - rho_uv, rho_uv <- sigma_uv.
+
+        Parameters
+        ----------
+        name : str
+            Of the neighbour u.
+        total : RunningSum
+            sigma_uv.
+
+        Returns
+        -------
+        PushSumState
+            After the receipt.
+        """
         news = total.since(self.received.get(name) or RunningSum.zero(self.mass.size))
         return self._replace(mass=self.mass + news, received={**self.received, name: total})
 

@@ -34,9 +34,16 @@ MASS, SENT, RECEIVED = "mass", "mass.given.", "mass.taken."
 
 @dataclass(frozen=True)
 class PushSumMixer:
-    """Learner ``name`` among the members of ``schedule``, which may be fewer than those of the experiment.
+    """Learner v of a network that may lose messages. Its state at n has the shares of iteration n already sent.
 
-    Its state at n has the shares of iteration n already sent.
+    Attributes
+    ----------
+    name : str
+        Of the learner.
+    schedule : EdgeSchedule
+        E(n) of the members, who may be fewer than the learners of the experiment.
+    smallest_weight : float
+        y below which it sends nothing and keeps its estimate.
     """
 
     name: str
@@ -44,11 +51,41 @@ class PushSumMixer:
     smallest_weight: float
 
     def initial(self, parameters: Parameters, initial_weight: float = 1.0, iteration: int = 1) -> PushSumState:
-        """Enter the network at an iteration with an estimate; ``initial_weight`` 0: as a late joiner without mass."""
+        """Enter the network.
+
+        Parameters
+        ----------
+        parameters : Parameters
+            The estimate theta, omega.
+        initial_weight : float, optional
+            y; 0 for a late joiner without mass.
+        iteration : int, optional
+            The first one, n.
+
+        Returns
+        -------
+        PushSumState
+            The state at n.
+        """
         return self._send(PushSumState.init(parameters, initial_weight), iteration)
 
     def join(self, state: PushSumState, iteration: int, messages: Mapping[str, RunningSum]) -> PushSumState | None:
-        """A late joiner with what it was sent until ``iteration``, its first; None while that is too little."""
+        """Enter the network late, with the mass that others have sent.
+
+        Parameters
+        ----------
+        state : PushSumState
+            A state without mass.
+        iteration : int
+            The first one, n.
+        messages : Mapping[str, RunningSum]
+            Running sums of iterations up to n, by the name of the sender.
+
+        Returns
+        -------
+        PushSumState or None
+            The state at n; None while the mass is too little.
+        """
         joined = self.incoming(state, iteration, messages)
         if joined.weight < self.smallest_weight:
             return None
@@ -65,9 +102,9 @@ class PushSumMixer:
         iteration: int,  # noqa: ARG002 - older sums are taken as well
         messages: Mapping[str, RunningSum],
     ) -> PushSumState:
-        """The state with all that has arrived; summed in the order of the senders' names.
+        """Take all that has arrived: the newest running sums, of iteration n or earlier, of any of the in-neighbours.
 
-        ``messages``: the newest running sum, of iteration n or earlier, of any of the in-neighbours.
+        They are summed in the order of the senders' names.
         """
         for name, total in sorted(messages.items()):
             state = state.receive(name, total)
@@ -98,7 +135,13 @@ class PushSumMixer:
         return {MASS: state.mass, **sums}
 
     def from_arrays(self, parameters: Parameters, arrays: Mapping[str, Array]) -> PushSumState:
-        """Inverse of ``to_arrays``; raises CheckpointError where masses do not fit the parameters."""
+        """Inverse of ``to_arrays``.
+
+        Raises
+        ------
+        CheckpointError
+            Masses do not fit the parameters.
+        """
         size = parameters.theta.size + parameters.omega.size + 1
         chosen = {name: values for name, values in arrays.items() if name == MASS or name.startswith((SENT, RECEIVED))}
         for name, values in chosen.items():
@@ -128,5 +171,18 @@ class ResilientMixing(Settings):
         return True
 
     def mixer(self, name: str, schedule: EdgeSchedule) -> PushSumMixer:
-        """The mixer of learner ``name``."""
+        """The mixer of a learner.
+
+        Parameters
+        ----------
+        name : str
+            Of the learner.
+        schedule : EdgeSchedule
+            E(n) of the members.
+
+        Returns
+        -------
+        PushSumMixer
+            With the settings' smallest weight.
+        """
         return PushSumMixer(name, schedule, self.smallest_weight)

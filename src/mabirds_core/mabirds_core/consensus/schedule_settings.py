@@ -60,7 +60,13 @@ class RandomSchedule(Settings):
     seed: int = Field(0, ge=0)
 
     def build(self, learners: tuple[str, ...]) -> EdgeSchedule:
-        """The schedule for these learners; raises ScheduleError where the slots are too few to connect them."""
+        """The schedule for these learners.
+
+        Raises
+        ------
+        ScheduleError
+            The slots are too few to connect them.
+        """
         generator = {"random_matching": random_matching, "gossip": gossip}[self.kind]
         return generator(learners, self.slots, self.seed)
 
@@ -74,7 +80,13 @@ class ExplicitSchedule(Settings):
     end: End = Field("repeat", description="after the last slot: repeat them, hold the last one, or stop")
 
     def build(self, learners: tuple[str, ...]) -> EdgeSchedule:
-        """The schedule for these learners; raises ExperimentError for a name that is none of them."""
+        """The schedule for these learners.
+
+        Raises
+        ------
+        ExperimentError
+            A name is none of them.
+        """
         index = {name: number for number, name in enumerate(learners)}
         for name in (name for slot in self.slots for edge in slot for name in edge):
             if name not in index:

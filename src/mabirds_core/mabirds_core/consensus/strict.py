@@ -15,7 +15,15 @@ from mabirds_core.settings import Settings
 
 
 class StrictState(NamedTuple):
-    """theta(n), omega(n), and ``received``: those of the in-neighbours of E(n), by name."""
+    """What a strict mixer knows at iteration n.
+
+    Attributes
+    ----------
+    parameters : Parameters
+        theta(n), omega(n).
+    received : Mapping[str, Parameters] or None
+        Those of the in-neighbours of E(n), by name; None before they came.
+    """
 
     parameters: Parameters
     received: Mapping[str, Parameters] | None = None
@@ -41,7 +49,13 @@ class StrictMixer:
         return dict.fromkeys(self.schedule.receivers_of(self.name, iteration), state.parameters)
 
     def incoming(self, state: StrictState, iteration: int, messages: Mapping[str, Parameters]) -> StrictState:
-        """The state with the parameters of exactly the in-neighbours of E(n); raises ScheduleError for others."""
+        """Take the parameters of exactly the in-neighbours of E(n).
+
+        Raises
+        ------
+        ScheduleError
+            Parameters of one are missing, or there are others.
+        """
         expected = self.schedule.senders_to(self.name, iteration)
         if sorted(messages) != sorted(expected):
             raise ScheduleError(
@@ -93,5 +107,18 @@ class StrictMixing(Settings):
         return False
 
     def mixer(self, name: str, schedule: EdgeSchedule) -> StrictMixer:
-        """The mixer of learner ``name``."""
+        """The mixer of a learner.
+
+        Parameters
+        ----------
+        name : str
+            Of the learner.
+        schedule : EdgeSchedule
+            E(n) and W(n).
+
+        Returns
+        -------
+        StrictMixer
+            There is nothing to set.
+        """
         return StrictMixer(name, schedule)

@@ -23,7 +23,27 @@ Edge = tuple[int, int]
 
 
 def doubly_stochastic_weights(n_learners: int, edges: Iterable[Edge], names: Sequence[str] | None = None) -> Array:
-    """W of one slot, shape (n_learners, n_learners). Raises ScheduleError for an edge on no directed cycle."""
+    """W of one slot.
+
+    Parameters
+    ----------
+    n_learners : int
+        N_L.
+    edges : Iterable[Edge]
+        Of the slot.
+    names : Sequence[str], optional
+        Of the learners, for messages; default: their indices.
+
+    Returns
+    -------
+    Array
+        W[v, u], shape (N_L, N_L).
+
+    Raises
+    ------
+    ScheduleError
+        An edge is on no directed cycle.
+    """
     edges = sorted(set(edges))
     out_degree, in_degree = (np.bincount([edge[end] for edge in edges], minlength=n_learners) for end in (0, 1))
     weights = np.zeros((n_learners, n_learners))

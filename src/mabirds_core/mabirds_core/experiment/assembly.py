@@ -13,7 +13,7 @@ from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.baselines.interface import CentralMethod, MethodParts
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.file import Experiment
-from mabirds_core.games.interface import Game
+from mabirds_core.games.whole_game import Game
 from mabirds_core.planners.interface import Policy
 from mabirds_core.registry import METHODS, build, kind_of, kinds, require
 from mabirds_core.rewards.models import RewardModel, SummableReward
@@ -26,15 +26,45 @@ def build_game(experiment: Experiment) -> Game:
 
 
 def build_reward(experiment: Experiment, game: Game) -> RewardModel:
-    """r_theta as learners have it."""
+    """Build r_theta as learners have it.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        With ``algorithm.reward``.
+    game : Game
+        Of the experiment.
+
+    Returns
+    -------
+    RewardModel
+        r_theta.
+    """
     model: RewardModel = build("mabirds.rewards", experiment.algorithm.reward, game)
     return model
 
 
 def build_learner(experiment: Experiment, name: str, game: Game | None = None) -> Learner:
-    """Learner ``name`` of the experiment, with its mixer; ``game`` saves building the same game again.
+    """Build a learner with its mixer.
 
-    Raises ExperimentError where the experiment has no such learner.
+    Parameters
+    ----------
+    experiment : Experiment
+        With its settings.
+    name : str
+        Of the learner.
+    game : Game, optional
+        Of the experiment; saves building the same game again.
+
+    Returns
+    -------
+    Learner
+        Before the first demonstration.
+
+    Raises
+    ------
+    ExperimentError
+        The experiment has no such learner.
     """
     game = game or build_game(experiment)
     reward = build_reward(experiment, game)
@@ -49,7 +79,27 @@ def build_learner(experiment: Experiment, name: str, game: Game | None = None) -
 
 
 def build_memory(experiment: Experiment, game: Game, reward: RewardModel) -> Memory:
-    """What a learner keeps of its demonstrations, empty; raises ExperimentError where the reward needs a window."""
+    """Build what a learner keeps of its demonstrations.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        With ``algorithm.window``.
+    game : Game
+        Of the experiment.
+    reward : RewardModel
+        r_theta.
+
+    Returns
+    -------
+    Memory
+        Empty.
+
+    Raises
+    ------
+    ExperimentError
+        The window is ``all``, and the gradient of the reward needs the demonstrations themselves.
+    """
     window = experiment.algorithm.window
     if window != "all":
         return WindowMemory(game, reward, window)
@@ -62,7 +112,22 @@ def build_memory(experiment: Experiment, game: Game, reward: RewardModel) -> Mem
 
 
 def build_estimator(experiment: Experiment, game: Game, reward: RewardModel) -> GradientEstimator:
-    """How learners of the experiment estimate the gradient, for a reward model."""
+    """Build what learners estimate the gradient with.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        With ``algorithm``.
+    game : Game
+        Of the experiment.
+    reward : RewardModel
+        r_theta.
+
+    Returns
+    -------
+    GradientEstimator
+        With a planner and an expectation of its own.
+    """
     algorithm = experiment.algorithm
     planner = build("mabirds.planners", algorithm.policy, game, reward)
     expectation = game.expectation(algorithm.expectation or game.expectations[0], algorithm.rollouts)
@@ -75,9 +140,26 @@ def method_names() -> tuple[str, ...]:
 
 
 def build_method(experiment: Experiment, name: str, game: Game | None = None) -> CentralMethod:
-    """Central method ``name`` with the settings of the experiment.
+    """Build a central method.
 
-    Raises ExperimentError for another name, and for one that is not made for the experiment's game.
+    Parameters
+    ----------
+    experiment : Experiment
+        With the settings of the method.
+    name : str
+        Of the method.
+    game : Game, optional
+        Of the experiment; saves building the same game again.
+
+    Returns
+    -------
+    CentralMethod
+        Before the first demonstration.
+
+    Raises
+    ------
+    ExperimentError
+        There is no such method, or it is not made for the experiment's game.
     """
     kind, game, algorithm = require(METHODS, name), game or build_game(experiment), experiment.algorithm
     if kind.form not in {None, kind_of("mabirds.games", experiment.game).form}:
@@ -97,7 +179,22 @@ def build_method(experiment: Experiment, name: str, game: Game | None = None) ->
 
 
 def reward_of(experiment: Experiment, name: str, game: Game) -> RewardModel | None:
-    """r_theta of a learner or method; None for a method that learns no parameters of a reward model."""
+    """r_theta of a learner or method.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        With ``algorithm.reward``.
+    name : str
+        Of the learner or method.
+    game : Game
+        Of the experiment.
+
+    Returns
+    -------
+    RewardModel or None
+        None for a method that learns no parameters of a reward model.
+    """
     if name in experiment.learners:
         return build_reward(experiment, game)
     estimator = getattr(build_method(experiment, name, game), "estimator", None)
@@ -105,9 +202,21 @@ def reward_of(experiment: Experiment, name: str, game: Game) -> RewardModel | No
 
 
 def evaluation_policy(experiment: Experiment, name: str, game: Game) -> Callable[[Parameters], Policy]:
-    """What the theta and omega of a learner or method mean, whichever way it finds policies itself.
+    """What theta and omega of a learner or method mean, whichever way it finds policies itself.
 
-    The game says which planner finds out; a method may have its own reward, or its own policies.
+    Parameters
+    ----------
+    experiment : Experiment
+        With ``algorithm``.
+    name : str
+        Of the learner or method, which may have its own reward, or its own policies.
+    game : Game
+        Says which planner finds out.
+
+    Returns
+    -------
+    Callable[[Parameters], Policy]
+        The policy of theta and omega.
     """
     method: Any = build_method(experiment, name, game) if name not in experiment.learners else None
     if method is not None and hasattr(method, "policy"):

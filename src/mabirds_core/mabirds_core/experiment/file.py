@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from pydantic import Field, ValidationError, model_validator
 
-from mabirds_core.consensus.schedule import EdgeSchedule, validate
+from mabirds_core.consensus.assumptions import validate
+from mabirds_core.consensus.schedule import EdgeSchedule
 from mabirds_core.consensus.schedule_settings import LearnerName
 from mabirds_core.consensus.strict import StrictMixing
 from mabirds_core.digest import experiment_digest
@@ -121,7 +122,13 @@ class Experiment(Settings):
         return schedule
 
     def index_of(self, learner: str) -> int:
-        """Place of a learner in the list; raises ExperimentError where it is none of them."""
+        """Place of a learner in the list.
+
+        Raises
+        ------
+        ExperimentError
+            It is none of them.
+        """
         if learner not in self.learners:
             raise ExperimentError(f"{learner!r} is none of the learners {list(self.learners)}")
         return self.learners.index(learner)
@@ -170,7 +177,13 @@ def _default(settings: Settings, name: str) -> Any:
 
 
 def load_experiment(path: Path) -> Experiment:
-    """Read and check an experiment file; raises ExperimentError naming the file and every wrong setting."""
+    """Read and check an experiment file.
+
+    Raises
+    ------
+    ExperimentError
+        The message names the file and every wrong setting.
+    """
     try:
         content = read_yaml(path)
     except OSError as error:

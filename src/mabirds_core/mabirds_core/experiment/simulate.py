@@ -26,7 +26,19 @@ Streams = Mapping[str, Sequence[Trajectories]]
 
 
 class Progress(NamedTuple):
-    """One update of one learner or method: how long it took, all work since the beginning, the policy it found."""
+    """One update of one learner or method.
+
+    Attributes
+    ----------
+    name : str
+        Of the learner or method.
+    seconds : float
+        How long it took.
+    work : Cost
+        All since the beginning.
+    policy : Policy
+        The one it found.
+    """
 
     name: str
     seconds: float
@@ -47,10 +59,30 @@ def simulate(
     on_update: OnUpdate = lambda _: None,
     delivers: Delivers = lambda *_: True,
 ) -> History:
-    """Run every learner for ``experiment.iterations`` updates, ``on_update`` is called after each, and closing rounds.
+    """Run every learner for ``experiment.iterations`` updates, and closing rounds.
 
-    ``delivers``: a network that loses messages, which resilient mixing survives. Raises ExperimentError for a stream
-    that is too short, and ScheduleError where a message to a strict mixer is lost, for which it would wait for ever.
+    Parameters
+    ----------
+    experiment : Experiment
+        With learners, schedule and algorithm.
+    demonstrations : Streams
+        One per learner and update, or more.
+    on_update : OnUpdate, optional
+        Is called after each update.
+    delivers : Delivers, optional
+        A network that loses messages, which resilient mixing survives.
+
+    Returns
+    -------
+    History
+        theta and omega of every learner.
+
+    Raises
+    ------
+    ExperimentError
+        A stream is too short.
+    ScheduleError
+        A message to a strict mixer is lost, for which it would wait for ever.
     """
     _require_streams(experiment, demonstrations)
     game = build_game(experiment)
@@ -64,7 +96,29 @@ def simulate(
 def simulate_central(
     experiment: Experiment, name: str, demonstrations: Streams, on_update: OnUpdate = lambda _: None
 ) -> History:
-    """Run central method ``name`` on all streams; otherwise as ``simulate``, without closing rounds."""
+    """Run a central method on all streams, without closing rounds.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        With the settings of the method.
+    name : str
+        Of the method.
+    demonstrations : Streams
+        One per learner and update, or more.
+    on_update : OnUpdate, optional
+        Is called after each update.
+
+    Returns
+    -------
+    History
+        theta and omega of the method.
+
+    Raises
+    ------
+    ExperimentError
+        A stream is too short, or there is no such method for the game.
+    """
     _require_streams(experiment, demonstrations)
     method = build_method(experiment, name)
     streams = [demonstrations[learner] for learner in experiment.learners]

@@ -16,7 +16,20 @@ class TabularPolicy(Protocol):
     """A time-dependent stochastic policy pi_t(a | s) of a tabular game."""
 
     def log_probabilities(self, step: int, states: Indices) -> Array:
-        """log pi_t(a | s) for M joint states, shape (M, A); -inf where an action is never taken."""
+        """log pi_t(a | s) of M joint states.
+
+        Parameters
+        ----------
+        step : int
+            t.
+        states : Indices
+            Joint states, shape (M,).
+
+        Returns
+        -------
+        Array
+            Shape (M, A); -inf where an action is never taken.
+        """
         ...
 
 
@@ -33,9 +46,23 @@ class Planner(Protocol):
     ) -> Policy:
         """The policy for these parameters.
 
-        ``previous``: the policy of parameters nearby, from which a search may start. ``rng``: for planners that
-        sample. ``observed``: demonstrations, which show planners that sample what the game is like where experts
-        are. Exact planners need none of them.
+        Parameters
+        ----------
+        theta : Vector
+            Reward parameters, shape (K_theta,).
+        omega : Vector
+            Cost weights, shape (K_omega,).
+        previous : Policy, optional
+            The policy of parameters nearby, from which a search may start.
+        rng : np.random.Generator, optional
+            For planners that sample.
+        observed : Trajectories, optional
+            Demonstrations, which show planners that sample what the game is like where experts are.
+
+        Returns
+        -------
+        Policy
+            pi(omega, theta). Exact planners need no more than theta and omega for it.
         """
         ...
 
@@ -44,9 +71,12 @@ class Planner(Protocol):
         ...
 
     def load_state_dict(self, memory: Mapping[str, Array]) -> Policy | None:
-        """A policy that serves as ``previous`` just as the remembered one did.
+        """A policy that serves as ``previous`` just as the one in ``memory`` did.
 
-        Raises CheckpointError where ``memory`` is of another game or planner.
+        Raises
+        ------
+        CheckpointError
+            ``memory`` is of another game or planner.
         """
         ...
 
@@ -55,8 +85,20 @@ class OccupancyEstimator(Protocol):
     """Step 2 of Algorithm 1: how E_pi sum_t gamma^t f(s_t, a_t) is found."""
 
     def __call__(self, policy: Policy, rng: np.random.Generator, starts: Steps | None = None) -> Visitation:
-        """A visitation whose totals are, or estimate, the policy's expected discounted sums.
+        """Estimate where a policy goes.
 
-        ``starts``: states, shape (k,), each of them an equally likely start; None: starts are drawn from P_0.
+        Parameters
+        ----------
+        policy : Policy
+            Of the game.
+        rng : np.random.Generator
+            For estimates that sample.
+        starts : Steps, optional
+            States, shape (k,), each of them an equally likely start; None: starts are drawn from P_0.
+
+        Returns
+        -------
+        Visitation
+            Its totals are, or estimate, the policy's expected discounted sums.
         """
         ...

@@ -12,14 +12,44 @@ def build_soft_value_iteration(
     game: TabularGame,
     reward: TabularRewardModel,
 ) -> Planner:
-    """The exact planner."""
+    """Build the exact planner.
+
+    Parameters
+    ----------
+    settings : SoftValueIterationSettings
+        There is nothing to set.
+    game : TabularGame
+        Is enumerated.
+    reward : TabularRewardModel
+        r_theta.
+
+    Returns
+    -------
+    Planner
+        A ``SoftBellmanPlanner``.
+    """
     from mabirds_core.planners.soft_bellman import SoftBellmanPlanner
 
     return SoftBellmanPlanner(game, reward, game.cost_features)
 
 
 def build_soft_q(settings: SoftQSettings, game: TabularGame, reward: TabularRewardModel) -> Planner:
-    """The planner that learns from episodes."""
+    """Build the planner that learns from episodes.
+
+    Parameters
+    ----------
+    settings : SoftQSettings
+        Of the episodes.
+    game : TabularGame
+        Is sampled.
+    reward : TabularRewardModel
+        r_theta.
+
+    Returns
+    -------
+    Planner
+        A ``SoftQPlanner``.
+    """
     from mabirds_core.planners.soft_q_learning import SoftQPlanner
 
     return SoftQPlanner(game, reward, game.cost_features, **settings.model_dump(exclude={"kind"}))

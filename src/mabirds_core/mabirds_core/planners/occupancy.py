@@ -13,7 +13,20 @@ BLOCKED = "the policy leads to a state in which every action is blocked; loosen 
 
 
 def start_distribution(game: TabularGame, starts: Indices | None) -> Vector:
-    """P_0, or each of ``starts`` equally likely; shape (S,)."""
+    """Where trajectories start.
+
+    Parameters
+    ----------
+    game : TabularGame
+        With P_0.
+    starts : Indices or None
+        Joint states, each equally likely; None: P_0.
+
+    Returns
+    -------
+    Vector
+        Probabilities, shape (S,).
+    """
     if starts is None:
         return game.initial_distribution
     return weighted_counts(starts, np.full(len(starts), 1 / len(starts)), game.n_states)
@@ -22,9 +35,30 @@ def start_distribution(game: TabularGame, starts: Indices | None) -> Vector:
 def rollouts(
     game: TabularGame, policy: TabularPolicy, count: int, rng: np.random.Generator, starts: Indices | None = None
 ) -> Trajectories:
-    """``count`` trajectories from P_0, or from ``starts``, each equally likely.
+    """Follow a policy.
 
-    Raises InfeasibleError where the policy has no action to take.
+    Parameters
+    ----------
+    game : TabularGame
+        Whose dynamics lead on.
+    policy : TabularPolicy
+        pi_t(a | s).
+    count : int
+        m: how many trajectories.
+    rng : np.random.Generator
+        Of starts and actions.
+    starts : Indices, optional
+        Joint states, each equally likely; default: P_0.
+
+    Returns
+    -------
+    Trajectories
+        m of them.
+
+    Raises
+    ------
+    InfeasibleError
+        The policy has no action to take.
     """
     states = np.empty((count, game.horizon + 1), dtype=np.int64)
     actions = np.empty_like(states)
@@ -46,9 +80,21 @@ def _draw(log_probabilities: Array, rng: np.random.Generator) -> Indices:
 
 
 def occupancy_measure(game: TabularGame, policy: TabularPolicy, starts: Indices | None = None) -> Array:
-    """rho(s, a) = sum_t gamma^t P(s_t = s, a_t = a) / sum_t gamma^t, shape (S, A), mass 1.
+    """rho(s, a) = sum_t gamma^t P(s_t = s, a_t = a) / sum_t gamma^t.
 
-    Starts are drawn from P_0, or from ``starts``, each equally likely.
+    Parameters
+    ----------
+    game : TabularGame
+        With discount gamma and steps t = 0..T.
+    policy : TabularPolicy
+        pi_t(a | s).
+    starts : Indices, optional
+        Joint states, each equally likely; default: P_0.
+
+    Returns
+    -------
+    Array
+        Shape (S, A), of mass 1.
     """
     everywhere = np.arange(game.n_states)
     present = start_distribution(game, starts)
@@ -89,7 +135,13 @@ class ExactOccupancy:
         rng: np.random.Generator,  # noqa: ARG002 - nothing is drawn
         starts: Indices | None = None,
     ) -> Visitation:
-        """Every pair of positive probability."""
+        """Every pair of positive probability.
+
+        Raises
+        ------
+        InfeasibleError
+            The policy has no action to take in a state where it leads.
+        """
         occupancy = occupancy_measure(self.game, policy, starts)
         if not np.isclose(occupancy.sum(), 1.0, rtol=0, atol=1e-9):
             raise InfeasibleError(BLOCKED)

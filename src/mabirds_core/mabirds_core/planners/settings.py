@@ -28,12 +28,40 @@ class SoftQSettings(Settings):
 
 
 def check_soft_q(settings: SoftQSettings, game: ConstrainedMarkovGame) -> None:
-    """Raise ExperimentError where the episodes of a sweep do not fit into memory."""
+    """Check that the episodes of a sweep fit into memory.
+
+    Parameters
+    ----------
+    settings : SoftQSettings
+        Of the planner.
+    game : ConstrainedMarkovGame
+        With its horizon.
+
+    Raises
+    ------
+    ExperimentError
+        They do not.
+    """
     check_rollouts("policy.episodes", settings.episodes, game.horizon)
 
 
 def check_rollouts(name: str, count: int, horizon: int) -> None:
-    """Raise ExperimentError where setting ``name`` of the algorithm rolls out too much at once."""
+    """Check that what is rolled out at once fits into memory.
+
+    Parameters
+    ----------
+    name : str
+        The setting, below ``algorithm``.
+    count : int
+        How many trajectories.
+    horizon : int
+        T.
+
+    Raises
+    ------
+    ExperimentError
+        They have more than MAX_STEPS steps.
+    """
     most = MAX_STEPS // (horizon + 1)
     if count > most:
         raise ExperimentError(f"algorithm.{name} {count}: expected at most {most} for horizon {horizon}; take fewer")

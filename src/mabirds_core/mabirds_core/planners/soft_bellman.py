@@ -21,7 +21,19 @@ from mabirds_core.rewards.models import TabularRewardModel
 
 @dataclass(frozen=True)
 class SoftBellmanPolicy:
-    """The policy, kept as the reward table (S, A) and the values V[t, s], shape (T + 2, S)."""
+    """The policy, kept as rewards and values.
+
+    Attributes
+    ----------
+    game : TabularGame
+        With the successors.
+    reward : Array
+        r_theta + omega^T phi, shape (S, A).
+    values : Array
+        V[t, s], shape (T + 2, S).
+    discount : float
+        gamma.
+    """
 
     game: TabularGame
     reward: Array
@@ -65,24 +77,61 @@ class SoftBellmanPlanner:
 
 
 def soft_bellman_policy(game: TabularGame, reward: Array) -> SoftBellmanPolicy:
-    """The policy for a reward table (S, A), finite or -inf."""
+    """The policy of a reward table.
+
+    Parameters
+    ----------
+    game : TabularGame
+        With discount gamma.
+    reward : Array
+        r_theta + omega^T phi, shape (S, A), finite or -inf.
+
+    Returns
+    -------
+    SoftBellmanPolicy
+        pi_t(a | s).
+    """
     return SoftBellmanPolicy(game, reward, soft_value_iteration(game, reward, game.discount), game.discount)
 
 
 def maximum_entropy_policy(game: TabularGame, forbidden: Mask) -> SoftBellmanPolicy:
-    """What experts do who know the task and that the pairs ``forbidden`` (S, A) may not be.
+    """What experts do who know the task and which pairs may not be.
 
-    Trajectories that are at the goal from the game's deadline on and avoid all forbidden pairs, each with a
-    probability proportional to exp of its undiscounted task reward. A state without such a way has the value -inf.
+    Parameters
+    ----------
+    game : TabularGame
+        With task reward and deadline.
+    forbidden : Mask
+        Pairs, shape (S, A).
+
+    Returns
+    -------
+    SoftBellmanPolicy
+        Trajectories that are at the goal from the game's deadline on and avoid all forbidden pairs, each with a
+        probability proportional to exp of its undiscounted task reward. A state without such a way has the value -inf.
     """
     reward = np.where(forbidden, -np.inf, game.task_reward)
     return SoftBellmanPolicy(game, reward, soft_value_iteration(game, reward, 1.0, game.deadline), 1.0)
 
 
 def soft_value_iteration(game: TabularGame, reward: Array, discount: float, deadline: int | None = None) -> Array:
-    """V[t, s] for t = 0..T + 1, shape (T + 2, S), backwards in time and in log space.
+    """Soft values, backwards in time and in log space.
 
-    ``deadline``: step from which states away from the goal have the value -inf; None: never.
+    Parameters
+    ----------
+    game : TabularGame
+        With horizon T and successors.
+    reward : Array
+        Shape (S, A), finite or -inf.
+    discount : float
+        gamma.
+    deadline : int, optional
+        Step from which states away from the goal have the value -inf; None: never.
+
+    Returns
+    -------
+    Array
+        V[t, s] for t = 0..T + 1, shape (T + 2, S).
     """
     values = np.zeros((game.horizon + 2, game.n_states))
     for step in range(game.horizon, -1, -1):

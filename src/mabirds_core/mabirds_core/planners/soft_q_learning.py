@@ -89,6 +89,11 @@ class SoftQPlanner:
         """An estimate of pi(omega, theta), decided by the first four arguments alone.
 
         It begins anew where ``previous`` is None, of another kind or of another game.
+
+        Raises
+        ------
+        TypeError
+            ``rng`` is None.
         """
         if rng is None:
             raise TypeError("soft Q-learning draws episodes, but rng is None; pass a numpy.random.Generator")
@@ -104,7 +109,13 @@ class SoftQPlanner:
         return {"visited": self._known(policy)[:-1].astype(np.float64)}
 
     def load_state_dict(self, memory: Mapping[str, Array]) -> SoftQPolicy:
-        """A policy that knows the visited states and no reward yet."""
+        """A policy that knows the visited states and no reward yet.
+
+        Raises
+        ------
+        CheckpointError
+            They are no states of the game.
+        """
         visited = memory.get("visited", np.empty(0))
         states = np.append(visited, self.game.n_states).astype(np.int64)
         if visited.ndim != 1 or (states[:-1] != visited).any() or (np.diff(states) <= 0).any() or states[0] < 0:
@@ -133,7 +144,22 @@ class ExploringPolicy:
 
 
 def backed_up(game: TabularGame, reward: Array, visited: Indices) -> SoftQPolicy:
-    """One backup of every action of every visited state at every step, backwards in time."""
+    """One backup of every action of every visited state at every step, backwards in time.
+
+    Parameters
+    ----------
+    game : TabularGame
+        With discount gamma and successors.
+    reward : Array
+        r(s, a), shape (S, A).
+    visited : Indices
+        As of ``SoftQPolicy``, shape (N + 1,).
+
+    Returns
+    -------
+    SoftQPolicy
+        With these values.
+    """
     values = np.zeros((game.horizon + 2, len(visited)))
     values[:, -1] = -np.inf
     rewards, places = reward[visited[:-1]], successor_places(game, visited[:-1], visited)
@@ -144,9 +170,21 @@ def backed_up(game: TabularGame, reward: Array, visited: Indices) -> SoftQPolicy
 
 
 def successor_places(game: TabularGame, states: Indices, visited: Indices) -> Indices:
-    """Where in ``visited`` the A successors of M states and the states themselves are, shape (M, A + 1).
+    """Where in ``visited`` the A successors of M states and the states themselves are.
 
-    The last place stands for those that are not in it.
+    Parameters
+    ----------
+    game : TabularGame
+        With the successors.
+    states : Indices
+        Joint states, shape (M,).
+    visited : Indices
+        As of ``SoftQPolicy``, shape (N + 1,).
+
+    Returns
+    -------
+    Indices
+        Shape (M, A + 1); N for those that are not visited.
     """
     nearby = np.column_stack([game.successor[states], states])
     places = np.searchsorted(visited, nearby)
@@ -154,7 +192,20 @@ def successor_places(game: TabularGame, states: Indices, visited: Indices) -> In
 
 
 def successor_values(values: Vector, places: Indices) -> Array:
-    """V(s') of the A successors at ``places``, shape (M, A); unvisited: the row's largest, or 0 if none is visited."""
+    """V(s') of the A successors.
+
+    Parameters
+    ----------
+    values : Vector
+        V at ``visited``, shape (N + 1,).
+    places : Indices
+        As of ``successor_places``, shape (M, A + 1).
+
+    Returns
+    -------
+    Array
+        Shape (M, A); for unvisited ones the row's largest, or 0 if none is visited.
+    """
     successors = values[places]
     best = successors.max(axis=1, keepdims=True)
     best[np.isneginf(best)] = 0.0

@@ -23,7 +23,20 @@ class RewardModel(Protocol):
         ...
 
     def gradient(self, theta: Vector, visitation: Visitation) -> Vector:
-        """grad J: sum_k weights[k] grad_theta r_theta(states[k], actions[k]), shape (size,)."""
+        """grad J: sum_k weights[k] grad_theta r_theta(states[k], actions[k]).
+
+        Parameters
+        ----------
+        theta : Vector
+            Shape (size,).
+        visitation : Visitation
+            Weighted state-action pairs.
+
+        Returns
+        -------
+        Vector
+            Shape (size,).
+        """
         ...
 
 
@@ -40,7 +53,20 @@ class SummableReward(RewardModel, Protocol):
         ...
 
     def gradient_of_total(self, theta: Vector, total: Vector) -> Vector:
-        """grad J at theta for such a total, shape (size,)."""
+        """grad J for a total of the features.
+
+        Parameters
+        ----------
+        theta : Vector
+            Shape (size,).
+        total : Vector
+            As of ``total``, shape (K_f,).
+
+        Returns
+        -------
+        Vector
+            Shape (size,).
+        """
         ...
 
 

@@ -13,10 +13,10 @@ from pydantic import create_model
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.file import load_experiment, planners_for
 from mabirds_core.games.drones.game import DroneGame
-from mabirds_core.games.drones.lattice import Lattice, action_set
 from mabirds_core.games.drones.planner_checks import LATTICE_ACTIONS, MAX_VALUES
 from mabirds_core.games.drones.planner_settings import LatticeSettings
 from mabirds_core.games.drones.settings import DroneSettings, DroneTask
+from mabirds_core.games.drones.stencils import Lattice, action_set
 from mabirds_core.games.patrol.settings import PatrolSettings
 
 DRONES = Path(__file__).resolve().parents[4] / "ros_ws" / "config" / "drones.yaml"

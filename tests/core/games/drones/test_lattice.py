@@ -12,9 +12,10 @@ from mabirds_core.algorithm.gradient import GradientEstimator
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Array, Vector
 from mabirds_core.games.drones.game import DroneGame
-from mabirds_core.games.drones.lattice import Lattice, LatticePlanner, LatticePolicy, action_set
+from mabirds_core.games.drones.lattice import LatticePlanner, LatticePolicy
 from mabirds_core.games.drones.rewards import LinearDroneReward, NeuralDroneReward, TrueDroneReward
 from mabirds_core.games.drones.rollouts import SampledDroneOccupancy, drone_rollouts
+from mabirds_core.games.drones.stencils import Lattice, action_set
 from mabirds_core.games.interface import Trajectories, discounted_visitation
 
 every_size = pytest.mark.parametrize("drones", [1, 2])

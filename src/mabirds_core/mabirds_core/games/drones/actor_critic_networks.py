@@ -54,7 +54,20 @@ class Adam(NamedTuple):
         return Adam(self.weights.to(device), self.mean.to(device), self.square.to(device), self.steps)
 
     def descend(self, gradient: Tensor, rate: float) -> "Adam":
-        """The state after one step against ``gradient``."""
+        """Make one step of Adam.
+
+        Parameters
+        ----------
+        gradient : Tensor
+            Shape (C, P).
+        rate : float
+            Learning rate.
+
+        Returns
+        -------
+        Adam
+            After the step.
+        """
         (first, second), count = DECAYS, self.steps + 1
         mean, square = self.mean.lerp(gradient, 1 - first), self.square.lerp(gradient**2, 1 - second)
         step = mean / (1 - first**count) / ((square / (1 - second**count)).sqrt() + EPSILON)
@@ -74,7 +87,20 @@ class Layers:
         return sum((n + 1) * m for n, m in pairwise(self.widths))
 
     def initial(self, copies: int, rng: np.random.Generator) -> Tensor:
-        """Uniform up to 1 / sqrt(inputs), the last layer far smaller, shape (copies, P)."""
+        """Draw weights: uniform up to 1 / sqrt(inputs), the last layer far smaller.
+
+        Parameters
+        ----------
+        copies : int
+            C: how many networks.
+        rng : np.random.Generator
+            Of the weights.
+
+        Returns
+        -------
+        Tensor
+            Shape (C, P).
+        """
         drawn = [rng.uniform(-1, 1, size=(copies, (n + 1) * m)) / np.sqrt(n) for n, m in pairwise(self.widths)]
         drawn[-1] *= LAST_LAYER
         return torch.tensor(np.concatenate(drawn, axis=1), dtype=torch.float32)
@@ -181,14 +207,50 @@ class Networks:
         return torch.tensor(np.array(values), dtype=torch.float32, device=self.device)
 
     def gaussian(self, actor: Tensor, states: Tensor, times: Tensor) -> tuple[Tensor, Tensor]:
-        """Means and log deviations of the actions before they are squashed, shapes (M, 2 N_E)."""
+        """The normal distribution of actions before they are squashed.
+
+        Parameters
+        ----------
+        actor : Tensor
+            Weights, shape (1, P).
+        states : Tensor
+            Shape (M, N_E D).
+        times : Tensor
+            Shape (M,).
+
+        Returns
+        -------
+        mean : Tensor
+            Shape (M, 2 N_E).
+        log_deviation : Tensor
+            Shape (M, 2 N_E).
+        """
         (output,) = self.actor(actor, torch.cat([self.seen(states), self.clock(times)], dim=1))
         mean, raw = output.chunk(2, dim=1)
         low, high = LOG_DEVIATIONS
         return mean, low + (high - low) * raw.sigmoid()
 
     def draw(self, actor: Tensor, states: Tensor, times: Tensor, noise: Tensor) -> tuple[Tensor, Tensor]:
-        """Actions (M, 2 N_E) that standard normal ``noise`` of that shape makes, and log pi (M,) relative to mu."""
+        """Draw actions.
+
+        Parameters
+        ----------
+        actor : Tensor
+            Weights, shape (1, P).
+        states : Tensor
+            Shape (M, N_E D).
+        times : Tensor
+            Shape (M,).
+        noise : Tensor
+            Standard normal, shape (M, 2 N_E).
+
+        Returns
+        -------
+        actions : Tensor
+            Shape (M, 2 N_E).
+        log_pi : Tensor
+            Of the actions relative to mu, shape (M,).
+        """
         mean, log_deviation = self.gaussian(actor, states, times)
         log_normal = -(noise**2 / 2 + log_deviation + np.log(2 * np.pi) / 2).sum(1)
         actions, log_determinant = squashed((mean + log_deviation.exp() * noise).view(len(noise), -1, 2))
@@ -196,7 +258,24 @@ class Networks:
         return self.dynamics.max_action * actions.flatten(1), log_normal - log_determinant.sum(1) - log_uniform
 
     def q(self, critics: Tensor, states: Tensor, times: Tensor, actions: Tensor) -> Tensor:
-        """q_k(t, s, a, s') of each critic, shape (2, M)."""
+        """q_k(t, s, a, s') of each critic.
+
+        Parameters
+        ----------
+        critics : Tensor
+            Weights, shape (2, P).
+        states : Tensor
+            Shape (M, N_E D).
+        times : Tensor
+            Shape (M,).
+        actions : Tensor
+            Shape (M, 2 N_E).
+
+        Returns
+        -------
+        Tensor
+            Shape (2, M).
+        """
         drones, controls = (values.view(len(values), self.game.n_experts, -1) for values in (states, actions))
         successors = self.dynamics.step(drones, controls).flatten(1)
         chosen = actions / self.dynamics.max_action

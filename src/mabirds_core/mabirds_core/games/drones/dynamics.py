@@ -48,7 +48,20 @@ class DroneDynamics:
         )
 
     def on(self, device: Any, dtype: Any) -> Self:
-        """The same with tensors of torch."""
+        """The same with tensors of torch.
+
+        Parameters
+        ----------
+        device : Any
+            Of the tensors.
+        dtype : Any
+            Of the tensors.
+
+        Returns
+        -------
+        Self
+            With the same constants.
+        """
         import torch
 
         constants = (self.arena, self.goals, self.goal_radii)
@@ -71,7 +84,20 @@ class DroneDynamics:
         return "m/s" if self.max_acceleration is None else "m/s^2"
 
     def step(self, drones: Any, controls: Any) -> Any:
-        """States (..., N_E, D) after the actions (..., N_E, 2)."""
+        """Move all drones by a time step.
+
+        Parameters
+        ----------
+        drones : Any
+            States, shape (..., N_E, D).
+        controls : Any
+            Actions, shape (..., N_E, 2).
+
+        Returns
+        -------
+        Any
+            The states that follow, shape (..., N_E, D).
+        """
         lib, place = self.library, drones[..., :2]
         limited = self._shortened(controls, self.max_action)
         single = self.max_acceleration is None

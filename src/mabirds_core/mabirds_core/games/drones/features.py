@@ -21,16 +21,67 @@ class DroneReward(Protocol):
     """A reward of the drone game, or a cost, that a vector of weights or parameters decides."""
 
     def unary(self, weights: Vector, drone: int, states: Array, actions: Array) -> Array:
-        """Terms of one drone for its states (..., D) and actions (..., 2), shapes that fit; result (...)."""
+        """Terms of one drone.
+
+        Parameters
+        ----------
+        weights : Vector
+            Weights or parameters, shape (K,).
+        drone : int
+            Index i.
+        states : Array
+            Of the drone, shape (..., D).
+        actions : Array
+            Of the drone, shape (..., 2); of a shape that fits.
+
+        Returns
+        -------
+        Array
+            Shape (...).
+        """
         ...
 
     def pairwise(self, weights: Vector, pair: int, distances: Array) -> Array:
-        """Terms of the drones of ``DroneGame.pairs[pair]`` for their distances [m], shape of ``distances``."""
+        """Terms of two drones.
+
+        Parameters
+        ----------
+        weights : Vector
+            Weights or parameters, shape (K,).
+        pair : int
+            Index into ``DroneGame.pairs``.
+        distances : Array
+            Of any shape [m].
+
+        Returns
+        -------
+        Array
+            Shape of ``distances``.
+        """
         ...
 
 
 def total_reward(space: DroneSpace, reward: DroneReward, weights: Vector, states: Array, actions: Array) -> Vector:
-    """r(s, a) of M joint states (M, N_E D) and actions (M, 2 N_E), shape (M,)."""
+    """r(s, a) of M joint states and actions.
+
+    Parameters
+    ----------
+    space : DroneSpace
+        Of the drones.
+    reward : DroneReward
+        Terms of one drone and of two.
+    weights : Vector
+        Of the reward, shape (K,).
+    states : Array
+        Shape (M, N_E D).
+    actions : Array
+        Shape (M, 2 N_E).
+
+    Returns
+    -------
+    Vector
+        Shape (M,).
+    """
     drones, controls = space.drones(states), space.controls(actions)
     result = np.zeros(len(states))
     for i in range(space.n_experts):
@@ -41,7 +92,20 @@ def total_reward(space: DroneSpace, reward: DroneReward, weights: Vector, states
 
 
 def pair_distances(space: DroneSpace, states: Array) -> Iterator[Array]:
-    """|p_i - p_j| [m] for every pair in turn, shape (M,) each."""
+    """|p_i - p_j| of every pair in turn.
+
+    Parameters
+    ----------
+    space : DroneSpace
+        Of the drones.
+    states : Array
+        Shape (M, N_E D).
+
+    Yields
+    ------
+    Array
+        Shape (M,) [m].
+    """
     places = space.positions(states)
     for i, j in space.pairs:
         yield np.sqrt(((places[:, i] - places[:, j]) ** 2).sum(axis=-1))
@@ -51,6 +115,15 @@ class RbfGrid:
     """RBFs exp(-|p - c|^2 / 2 width^2) with centres c on a grid of X times Y points over the arena.
 
     An RBF is a product of one along x and one along y, so that no array of all RBFs at all places is needed.
+
+    Parameters
+    ----------
+    arena
+        Width and depth [m].
+    counts
+        X and Y.
+    width
+        Of the RBFs [m].
     """
 
     def __init__(self, arena: tuple[float, float], counts: tuple[int, int], width: float) -> None:
@@ -72,12 +145,38 @@ class RbfGrid:
         return x, y
 
     def total(self, places: Array, weights: Vector) -> Vector:
-        """sum_k weights[k] of every RBF at places[k], shape (X Y,)."""
+        """Sum of every RBF over places.
+
+        Parameters
+        ----------
+        places : Array
+            Shape (M, 2) [m].
+        weights : Vector
+            Of the places, shape (M,).
+
+        Returns
+        -------
+        Vector
+            Shape (X Y,).
+        """
         x, y = self.along(places)
         return np.asarray((x.T * weights) @ y).ravel()
 
     def values(self, weights: Vector, places: Array) -> Array:
-        """The weighted sum of the RBFs at places (..., 2), shape (...)."""
+        """Weighted sum of the RBFs at places.
+
+        Parameters
+        ----------
+        weights : Vector
+            Of the RBFs, shape (X Y,).
+        places : Array
+            Shape (..., 2) [m].
+
+        Returns
+        -------
+        Array
+            Shape (...).
+        """
         x, y = self.along(places.reshape(-1, 2))
         values = ((x @ weights.reshape(len(self.axes[0]), -1)) * y).sum(axis=1)
         return np.asarray(values.reshape(places.shape[:-1]))

@@ -71,7 +71,15 @@ class Corridor:
 
 
 class PathPlanner:
-    """Plans the ways of a game's drones; ``margin`` [m] is left to each obstacle at the least."""
+    """Plans the ways of a game's drones.
+
+    Parameters
+    ----------
+    game
+        With the obstacles and tasks.
+    margin
+        What is left to each obstacle at the least [m].
+    """
 
     def __init__(self, game: DroneGame, margin: float) -> None:
         settings, radius = game.settings, game.settings.drone_radius
@@ -98,12 +106,42 @@ class PathPlanner:
         return int(np.clip(longest / SPACING, MIN_POINTS, MAX_POINTS))
 
     def side_of(self, drone: int, start: Array) -> Side:
-        """On which side of the straight way from the middle of its start to its goal region the drone starts."""
+        """On which side of the straight way from the middle of its start to its goal region a drone starts.
+
+        Parameters
+        ----------
+        drone : int
+            Index.
+        start : Array
+            Its place, shape (2,) [m].
+
+        Returns
+        -------
+        Side
+            LEFT or RIGHT.
+        """
         middle, goal = self._ends(drone)
         return LEFT if _cross(goal - middle, start - middle) >= 0 else RIGHT
 
     def paths(self, starts: Array, aims: Array, sides: list[Side], clearance: Array) -> FlightPaths:
-        """From starts (N_E, 2) to aims (N_E, 2), pushed off obstacles that are nearer than clearance (N_E,) [m]."""
+        """Plan a way for each drone.
+
+        Parameters
+        ----------
+        starts : Array
+            Shape (N_E, 2) [m].
+        aims : Array
+            Shape (N_E, 2) [m].
+        sides : list[Side]
+            On which each drone passes the obstacle in between.
+        clearance : Array
+            The ways are pushed off obstacles that are nearer, shape (N_E,) [m].
+
+        Returns
+        -------
+        FlightPaths
+            From the starts to the aims.
+        """
         corners = []
         for drone, side in enumerate(sides):
             corridor = self.corridors[drone][side]
@@ -187,10 +225,24 @@ class PathPlanner:
 
 
 def shortest_way(free: Mask, first: int, last: int) -> Indices | None:
-    """A shortest way over the free nodes (X, Y) of a lattice, by steps to the eight neighbours; None if there is none.
+    """A shortest way over a lattice, by steps to the eight neighbours.
 
-    Nodes are told by their number among the free ones, row by row.
+    Parameters
+    ----------
+    free : Mask
+        Which nodes may be on the way, shape (X, Y).
+    first : int
+        Where it starts: a node by its number among the free ones, row by row.
+    last : int
+        Where it ends, likewise.
 
+    Returns
+    -------
+    Indices or None
+        The nodes by their numbers, shape (k,); None if there is no way.
+
+    Examples
+    --------
     >>> free = np.array([[True, True, True], [False, False, True], [True, True, True]])
     >>> shortest_way(free, 0, 4).tolist()
     [0, 1, 3, 5, 4]
@@ -226,7 +278,20 @@ def length_of(way: Array) -> float:
 
 
 def resampled(way: Array, count: int) -> Array:
-    """``count`` points at equal distances along a way (k, 2)."""
+    """Points at equal distances along a way.
+
+    Parameters
+    ----------
+    way : Array
+        Shape (k, 2).
+    count : int
+        How many points.
+
+    Returns
+    -------
+    Array
+        Shape (count, 2).
+    """
     arcs = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(way, axis=0).T))])
     there = np.linspace(0.0, arcs[-1], count)
     return np.stack([np.interp(there, arcs, axis) for axis in way.T], axis=1)

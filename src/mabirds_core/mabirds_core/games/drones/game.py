@@ -46,7 +46,20 @@ class DroneGame:
         return trajectory_digest("drones", plain, self.horizon)
 
     def starts(self, count: int, rng: np.random.Generator) -> Array:
-        """``count`` joint states from P_0, uniform in the starts' squares within the arena, at rest; (count, N_E D)."""
+        """Draw joint states from P_0: uniform in the starts' squares within the arena, at rest.
+
+        Parameters
+        ----------
+        count : int
+            How many.
+        rng : np.random.Generator
+            Of the draw.
+
+        Returns
+        -------
+        Array
+            Shape (count, N_E D).
+        """
         low, high = (
             np.clip([np.add(task.start, sign * task.start_spread) for task in self.settings.drones], 0.0, self.arena)
             for sign in (-1, 1)
@@ -56,7 +69,20 @@ class DroneGame:
         return states.reshape(count, self.state_size)
 
     def step(self, states: Array, actions: Array) -> Array:
-        """The joint states that follow, shape of ``states``."""
+        """The joint states that follow.
+
+        Parameters
+        ----------
+        states : Array
+            Shape (..., N_E D).
+        actions : Array
+            Shape (..., 2 N_E).
+
+        Returns
+        -------
+        Array
+            Shape (..., N_E D).
+        """
         after = self.dynamics.step(self.drones(states), self.controls(actions))
         return np.asarray(after).reshape(states.shape)
 
@@ -85,9 +111,17 @@ class DroneGame:
         return np.array([*np.tile(inside, self.n_experts), *close * len(self.pairs), *[False] * self.n_experts])
 
     def obstacle_clearance(self, states: Array) -> Array:
-        """Metres left between each drone and the nearest obstacle on each segment, shape (m, steps - 1, N_E).
+        """Metres left between each drone and the nearest obstacle on each segment.
 
-        ``states``: (m, steps, N_E D). Negative: it touches; infinite: there is no obstacle.
+        Parameters
+        ----------
+        states : Array
+            Shape (m, steps, N_E D).
+
+        Returns
+        -------
+        Array
+            Shape (m, steps - 1, N_E). Negative: it touches; infinite: there is no obstacle.
         """
         places, settings = self.positions(states), self.settings
         clearance = np.full(places[:, 1:, :, 0].shape, np.inf)
@@ -119,7 +153,13 @@ class DroneGame:
         return trajectory.states[0].astype(np.float64), trajectory.actions[0].astype(np.float64)
 
     def decode(self, states: Array, actions: Array) -> Trajectories:
-        """Inverse of ``encode``; raises ImpossibleTrajectoryError naming the first step that cannot be."""
+        """Inverse of ``encode``.
+
+        Raises
+        ------
+        ImpossibleTrajectoryError
+            The message names the first step that cannot be.
+        """
         steps = self.horizon + 1
         for name, values, size in (("states", states, self.state_size), ("actions", actions, self.action_size)):
             if values.shape != (steps, size):

@@ -6,8 +6,22 @@ from mabirds_core.arrays import Array
 
 
 def closest_approach(start: Array, end: Array) -> Array:
-    """Least distance from the origin to the segments from ``start`` to ``end``, shapes (..., 2); result (...).
+    """Least distance from the origin to straight segments.
 
+    Parameters
+    ----------
+    start : Array
+        Shape (..., 2).
+    end : Array
+        Shape (..., 2).
+
+    Returns
+    -------
+    Array
+        Shape (...).
+
+    Examples
+    --------
     >>> float(closest_approach(np.array([-1.0, 0.5]), np.array([1.0, 0.5])))
     0.5
     """
@@ -19,10 +33,38 @@ def closest_approach(start: Array, end: Array) -> Array:
 
 
 def swept_distance(start: Array, end: Array, centre: Array) -> Array:
-    """Least distance of straight segments, shapes (..., 2), to a point at rest."""
+    """Least distance of straight segments to a point at rest.
+
+    Parameters
+    ----------
+    start : Array
+        Shape (..., 2).
+    end : Array
+        Shape (..., 2).
+    centre : Array
+        The point, shape (..., 2).
+
+    Returns
+    -------
+    Array
+        Shape (...).
+    """
     return closest_approach(start - centre, end - centre)
 
 
 def swept_separation(starts: tuple[Array, Array], ends: tuple[Array, Array]) -> Array:
-    """Least distance of two drones that fly straight at the same time, each (..., 2): of their difference to zero."""
+    """Least distance of two drones that fly straight at the same time: of their difference to zero.
+
+    Parameters
+    ----------
+    starts : tuple[Array, Array]
+        Of the two, shape (..., 2) each.
+    ends : tuple[Array, Array]
+        Of the two, shape (..., 2) each.
+
+    Returns
+    -------
+    Array
+        Shape (...).
+    """
     return closest_approach(starts[0] - starts[1], ends[0] - ends[1])

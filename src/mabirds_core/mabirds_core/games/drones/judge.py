@@ -9,7 +9,8 @@ import numpy as np
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.metrics import drone_imitation, place_visitation, visitation_distance
 from mabirds_core.games.drones.rollouts import DronePolicy, drone_rollouts
-from mabirds_core.games.interface import ImitationMetrics, Trajectories
+from mabirds_core.games.interface import Trajectories
+from mabirds_core.games.whole_game import ImitationMetrics
 
 EVAL_ROLLOUTS = 500
 """Rollouts that judge a policy."""
@@ -30,7 +31,22 @@ class RolloutJudge:
         return sorted({round(n) for n in np.linspace(1, count, min(count, MAX_EVAL_ITERATIONS))})
 
     def rollouts(self, policy: DronePolicy, seed: int, count: int = EVAL_ROLLOUTS) -> Trajectories:
-        """Rollouts of a policy, the same for every learner and iteration but for what it decides."""
+        """Roll out a policy, alike for every learner and iteration but for what it decides.
+
+        Parameters
+        ----------
+        policy : DronePolicy
+            pi_t(a | s).
+        seed : int
+            Of the rollouts.
+        count : int, optional
+            How many.
+
+        Returns
+        -------
+        Trajectories
+            From P_0.
+        """
         return drone_rollouts(self.game, policy, count, np.random.default_rng([seed, EVAL_ROLLOUTS]))
 
     def imitation(self, policy: DronePolicy, seed: int, rollouts: int | None = None) -> ImitationMetrics:

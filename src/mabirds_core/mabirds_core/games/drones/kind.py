@@ -16,14 +16,44 @@ def build_drones(settings: DroneSettings) -> Any:
 
 
 def build_lattice(settings: LatticeSettings, game: Any, reward: Any) -> Any:
-    """The near-exact planner."""
+    """Build the near-exact planner.
+
+    Parameters
+    ----------
+    settings : LatticeSettings
+        Of the planner.
+    game : Any
+        Of drones.
+    reward : Any
+        r_theta.
+
+    Returns
+    -------
+    Any
+        A ``LatticePlanner``.
+    """
     from mabirds_core.games.drones.whole_game import build_lattice as built
 
     return built(settings, game, reward)
 
 
 def build_soft_actor_critic(settings: SoftActorCriticSettings, game: Any, reward: Any) -> Any:
-    """The planner that learns from rollouts."""
+    """Build the planner that learns from rollouts.
+
+    Parameters
+    ----------
+    settings : SoftActorCriticSettings
+        Of the planner.
+    game : Any
+        Of drones.
+    reward : Any
+        r_theta.
+
+    Returns
+    -------
+    Any
+        A ``SacPlanner``.
+    """
     require("torch", "policies of kind soft_actor_critic", "mabirds_core[sac]")
     from mabirds_core.games.drones.soft_actor_critic import SacPlanner  # torch takes a second to load, and 200 MB
 
@@ -31,14 +61,40 @@ def build_soft_actor_critic(settings: SoftActorCriticSettings, game: Any, reward
 
 
 def check_lattice(settings: LatticeSettings, game: Any) -> None:
-    """Raise ExperimentError where a lattice does not suit the game."""
+    """Check that a lattice suits the game.
+
+    Parameters
+    ----------
+    settings : LatticeSettings
+        Of the planner.
+    game : Any
+        Of drones.
+
+    Raises
+    ------
+    ExperimentError
+        It does not.
+    """
     from mabirds_core.games.drones.planner_checks import check_lattice as check
 
     check(settings, game)
 
 
 def check_soft_actor_critic(settings: SoftActorCriticSettings, game: Any) -> None:
-    """Raise ExperimentError where its rollouts do not fit into memory."""
+    """Check that rollouts fit into memory.
+
+    Parameters
+    ----------
+    settings : SoftActorCriticSettings
+        Of the planner.
+    game : Any
+        Of drones.
+
+    Raises
+    ------
+    ExperimentError
+        They do not.
+    """
     from mabirds_core.games.drones.planner_checks import check_soft_actor_critic as check
 
     check(settings, game)

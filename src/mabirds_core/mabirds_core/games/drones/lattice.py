@@ -19,7 +19,6 @@ same actions, by V_{t+1} interpolated between the nodes.
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -28,94 +27,15 @@ from mabirds_core.arrays import Array, Indices, Mask, Vector
 from mabirds_core.games.drones.features import DroneReward
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.rewards import DroneRewardModel
+from mabirds_core.games.drones.stencils import Lattice, action_rewards
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.planners.interface import Policy
-
-RINGS = ((0.0, 1), (0.5, 8), (1.0, 16))
-"""Speeds, as shares of the largest, and how many directions each has."""
-
-RING_BOUNDS = (0.0, 0.25, 0.75, 1.0)
-"""The ring of each speed; its share of the disc's area is what its actions weigh together."""
 
 UNDERFLOW = 1e-250
 """Below this, beside the best that two drones could do without each other, sums of exp have lost their precision."""
 
 CHUNK = 5_000_000
 """Terms that are summed up in logs at once."""
-
-
-def action_set(speed: float) -> tuple[Array, Vector]:
-    """The 25 velocities (25, 2) and their shares of mu (25,)."""
-    angles = [2 * np.pi * np.arange(count) / count for _, count in RINGS]
-    velocities = [r * np.column_stack([np.cos(a), np.sin(a)]) for (r, _), a in zip(RINGS, angles, strict=True)]
-    areas = [outer**2 - inner**2 for inner, outer in pairwise(RING_BOUNDS)]
-    shares = [np.full(count, area / count) for (_, count), area in zip(RINGS, areas, strict=True)]
-    return speed * np.concatenate(velocities), np.concatenate(shares)
-
-
-@dataclass(frozen=True)
-class Stencil:
-    """Where actions from M places lead, on the lattice: the W nodes around each, and the actions' weights of them."""
-
-    nodes: Indices
-    """Shape (M, N_E, W)."""
-    weights: Array
-    """Bilinear weights, shape (M, N_E, A, W); each action's sum to 1."""
-
-
-@dataclass(frozen=True)
-class Lattice:
-    """Nodes at most ``spacing`` metres apart over the arena of a game of single integrators."""
-
-    game: DroneGame
-    spacing: float
-
-    @cached_property
-    def axes(self) -> list[Array]:
-        """x and y of the nodes."""
-        counts = self.game.settings.lattice(self.spacing)
-        return [np.linspace(0, side, count) for side, count in zip(self.game.settings.arena, counts, strict=True)]
-
-    @cached_property
-    def nodes(self) -> Array:
-        """Places of the lattice's nodes, shape (S, 2)."""
-        return np.asarray(np.stack(np.meshgrid(*self.axes, indexing="ij"), axis=-1).reshape(-1, 2))
-
-    @cached_property
-    def action_set(self) -> tuple[Array, Vector]:
-        """Velocities and their shares."""
-        return action_set(self.game.settings.max_speed)
-
-    @cached_property
-    def everywhere(self) -> Stencil:
-        """Where actions from every node lead."""
-        return self.stencils(np.repeat(self.nodes[:, None], self.game.n_experts, axis=1))
-
-    @cached_property
-    def pair_distances(self) -> Array:
-        """Metres between every two nodes, shape (S, S)."""
-        x, y = np.moveaxis(self.nodes[:, None] - self.nodes, -1, 0)
-        return np.asarray(np.hypot(x, y))
-
-    def stencils(self, places: Array) -> Stencil:
-        """For M places of all drones, shape (M, N_E, 2)."""
-        velocities, _ = self.action_set
-        here = np.repeat(places[:, None], len(velocities), axis=1)
-        there = self.game.dynamics.step(here, np.broadcast_to(velocities[:, None], here.shape))
-        along = [self._axis_stencil(axis, places[..., axis], there[..., axis]) for axis in (0, 1)]
-        (first_x, weights_x), (first_y, weights_y) = along
-        nodes = first_x[..., :, None] * len(self.axes[1]) + first_y[..., None, :]
-        weights = weights_x[..., :, None] * weights_y[..., None, :]
-        flat = np.moveaxis(weights.reshape(*weights.shape[:3], -1), 1, 2)
-        return Stencil(nodes.reshape(*nodes.shape[:2], -1), np.ascontiguousarray(flat))
-
-    def _axis_stencil(self, axis: int, here: Array, there: Array) -> tuple[Indices, Array]:
-        """Numbers of the nodes around ``here`` (M, N_E), and hat functions of them at ``there`` (M, A, N_E)."""
-        count, step = len(self.axes[axis]), self.axes[axis][1]
-        width = self.game.settings.stencil_shape(self.spacing)[axis]
-        first = np.clip(np.floor(here / step).astype(np.int64) - (width // 2 - 1), 0, count - width)
-        numbers = first[..., None] + np.arange(width)
-        return numbers, np.maximum(0.0, 1 - np.abs(there[..., None] / step - numbers[:, None]))
 
 
 @dataclass(frozen=True)
@@ -140,7 +60,20 @@ class LatticePolicy:
         return np.asarray(velocities[chosen].reshape(len(states), -1))
 
     def log_weights(self, step: int, states: Array) -> Array:
-        """log mu(a) + Q_t(s, a) / tau up to terms that depend on s alone, shape (M, A, A), or (M, A, 1)."""
+        """log mu(a) + Q_t(s, a) / tau up to terms that depend on s alone.
+
+        Parameters
+        ----------
+        step : int
+            t.
+        states : Array
+            Joint states, shape (M, N_E D).
+
+        Returns
+        -------
+        Array
+            Shape (M, A, A), or (M, A, 1) for a single drone.
+        """
         game, ahead = self.lattice.game, self.values[step + 1]
         stencils, drones = self.lattice.stencils(game.positions(states)), game.drones(states)
         unary = [
@@ -152,15 +85,6 @@ class LatticePolicy:
         around = ahead[first[:, :, None], stencils.nodes[:, 1][:, None, :]]
         backup = stencils.weights[:, 0] @ around @ stencils.weights[:, 1].swapaxes(1, 2)
         return np.asarray(unary[0][:, :, None] + unary[1][:, None, :] + game.discount * backup)
-
-
-def action_rewards(
-    lattice: Lattice, rewards: tuple[tuple[DroneReward, Vector], ...], drone: int, states: Array, temperature: float
-) -> Array:
-    """log mu(a) + r_i(s, a) / tau of one drone's M states (M, 2) and A actions, shape (M, A)."""
-    velocities, shares = lattice.action_set
-    terms = (reward.unary(weights, drone, states[:, None], velocities) for reward, weights in rewards)
-    return np.asarray(np.log(shares) + sum(terms, np.zeros((len(states), 1))) / temperature)
 
 
 @dataclass(frozen=True)
@@ -222,7 +146,24 @@ class TransitionKernel:
     def of(
         cls, lattice: Lattice, rewards: tuple[tuple[DroneReward, Vector], ...], drone: int, temperature: float
     ) -> "TransitionKernel":
-        """From every node of the lattice."""
+        """log K_i from every node of the lattice.
+
+        Parameters
+        ----------
+        lattice : Lattice
+            With S nodes.
+        rewards : tuple[tuple[DroneReward, Vector], ...]
+            What r is the sum of, each with its parameters.
+        drone : int
+            Index i.
+        temperature : float
+            tau.
+
+        Returns
+        -------
+        TransitionKernel
+            Of this drone.
+        """
         scores = action_rewards(lattice, rewards, drone, lattice.nodes, temperature)
         with np.errstate(divide="ignore"):
             weights = np.log(lattice.everywhere.weights[:, drone])
@@ -259,11 +200,25 @@ class TransitionKernel:
 
 
 def backup(first: TransitionKernel, second: TransitionKernel, ahead: Array) -> Array:
-    """log ( K_1 exp(ahead) K_2^T ), shape (S, S).
+    """log ( K_1 exp(ahead) K_2^T ).
 
     Values range over thousands of nats, exp over 700. What one drone's place is worth at best is taken out of
     ``ahead`` first and goes into that drone's kernel, where it is scaled row by row; what is left is what the drones
     cost each other. Where even that is too much, every pair of nodes around the drones is summed up in logs.
+
+    Parameters
+    ----------
+    first : TransitionKernel
+        K_1.
+    second : TransitionKernel
+        K_2.
+    ahead : Array
+        gamma V_{t+1} / tau, shape (S, S).
+
+    Returns
+    -------
+    Array
+        Shape (S, S).
     """
     best = ahead.max(axis=1)
     rest = ahead - best[:, None]
@@ -281,7 +236,24 @@ def backup(first: TransitionKernel, second: TransitionKernel, ahead: Array) -> A
 
 
 def pair_by_pair(first: TransitionKernel, second: TransitionKernel, ahead: Array, states: Indices) -> Vector:
-    """Some entries (H, 2) of the same without exp of anything but differences to the largest term, shape (H,)."""
+    """Some entries of ``backup`` without exp of anything but differences to the largest term.
+
+    Parameters
+    ----------
+    first : TransitionKernel
+        K_1.
+    second : TransitionKernel
+        K_2.
+    ahead : Array
+        gamma V_{t+1} / tau, shape (S, S).
+    states : Indices
+        Which entries, shape (H, 2).
+
+    Returns
+    -------
+    Vector
+        Shape (H,).
+    """
     here, there = states.T
     terms = ahead[first.nodes[here][:, :, None], second.nodes[there][:, None, :]]
     terms = terms + first.logs[here][:, :, None] + second.logs[there][:, None, :]

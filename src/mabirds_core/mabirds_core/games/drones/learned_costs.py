@@ -18,7 +18,24 @@ FAR = 1.0
 
 
 def place_costs(game: DroneGame, omega: Vector, drone: int, places: Array) -> Array:
-    """Learned costs of places (..., 2) of a drone that makes no effort, shape (...)."""
+    """Learned costs of places of a drone that makes no effort.
+
+    Parameters
+    ----------
+    game : DroneGame
+        With the cost features.
+    omega : Vector
+        Cost weights, shape (K,).
+    drone : int
+        Index.
+    places : Array
+        Shape (..., 2) [m].
+
+    Returns
+    -------
+    Array
+        Shape (...).
+    """
     states = np.zeros((places[..., 0].size, game.dynamics.drone_size))
     states[:, :2] = places.reshape(-1, 2)
     costs = -game.cost_features.unary(omega, drone, states, np.zeros((len(states), 2)))
@@ -26,25 +43,83 @@ def place_costs(game: DroneGame, omega: Vector, drone: int, places: Array) -> Ar
 
 
 def distance_costs(game: DroneGame, omega: Vector, pair: int, distances: Array) -> Array:
-    """Learned costs of the distances [m] of the drones of ``game.pairs[pair]``, shape of ``distances``."""
+    """Learned costs of the distances of two drones.
+
+    Parameters
+    ----------
+    game : DroneGame
+        With the cost features.
+    omega : Vector
+        Cost weights, shape (K,).
+    pair : int
+        Index into ``game.pairs``.
+    distances : Array
+        Of any shape [m].
+
+    Returns
+    -------
+    Array
+        Shape of ``distances``.
+    """
     return np.asarray(-game.cost_features.pairwise(omega, pair, distances))
 
 
 def disc(centre: tuple[float, float], radius: float) -> Array:
-    """Places spread evenly over a disc (a sunflower's seeds), shape (POINTS, 2)."""
+    """Places spread evenly over a disc (a sunflower's seeds).
+
+    Parameters
+    ----------
+    centre : tuple[float, float]
+        x and y [m].
+    radius : float
+        In metres.
+
+    Returns
+    -------
+    Array
+        Shape (POINTS, 2) [m].
+    """
     numbers = np.arange(POINTS)
     angles, radii = np.pi * (1 + np.sqrt(5)) * numbers, radius * np.sqrt((numbers + 0.5) / POINTS)
     return np.asarray(centre + radii[:, None] * np.column_stack([np.cos(angles), np.sin(angles)]))
 
 
 def rim(centre: tuple[float, float], radius: float) -> Array:
-    """Places on its border, shape (RIM_POINTS, 2)."""
+    """Places on the border of a disc.
+
+    Parameters
+    ----------
+    centre : tuple[float, float]
+        x and y [m].
+    radius : float
+        In metres.
+
+    Returns
+    -------
+    Array
+        Shape (RIM_POINTS, 2) [m].
+    """
     angles = 2 * np.pi * np.arange(RIM_POINTS) / RIM_POINTS
     return np.asarray(centre + radius * np.column_stack([np.cos(angles), np.sin(angles)]))
 
 
 def obstacle_costs(game: DroneGame, omega: Vector) -> tuple[Array, Array]:
-    """Mean costs of where a drone's middle would touch each obstacle, and of that disc's rim, each (N_E, obstacles)."""
+    """Mean costs of obstacles.
+
+    Parameters
+    ----------
+    game : DroneGame
+        With the obstacles.
+    omega : Vector
+        Cost weights, shape (K,).
+
+    Returns
+    -------
+    inside : Array
+        Of where a drone's middle would touch each obstacle, shape (N_E, obstacles).
+    border : Array
+        Of that disc's rim, shape (N_E, obstacles).
+    """
     keep = game.settings.drone_radius
     shapes = (
         np.array([shape(obstacle.centre, obstacle.radius + keep) for obstacle in game.settings.obstacles]).reshape(
@@ -66,7 +141,22 @@ def _means_in_arena(game: DroneGame, omega: Vector, drone: int, places: Array) -
 
 
 def trajectory_costs(game: DroneGame, omega: Vector, trajectories: Trajectories) -> Vector:
-    """Mean cost of where each drone is as long as it is under way, shape (N_E,)."""
+    """Mean cost of where each drone is as long as it is under way.
+
+    Parameters
+    ----------
+    game : DroneGame
+        With the cost features.
+    omega : Vector
+        Cost weights, shape (K,).
+    trajectories : Trajectories
+        At least one.
+
+    Returns
+    -------
+    Vector
+        Shape (N_E,).
+    """
     places, under_way = game.positions(trajectories.states), ~game.arrived(trajectories.states)
     by_drone = [
         place_costs(game, omega, drone, places[..., drone, :][under_way[..., drone]]).mean()
@@ -76,7 +166,20 @@ def trajectory_costs(game: DroneGame, omega: Vector, trajectories: Trajectories)
 
 
 def closeness_costs(game: DroneGame, omega: Vector) -> Vector:
-    """By how much the cheapest distance from 0 to the least distance costs more than ``FAR`` does, shape (pairs,)."""
+    """By how much the cheapest distance from 0 to the least distance costs more than ``FAR`` does.
+
+    Parameters
+    ----------
+    game : DroneGame
+        With the least distance.
+    omega : Vector
+        Cost weights, shape (K,).
+
+    Returns
+    -------
+    Vector
+        Shape (pairs,).
+    """
     close = np.linspace(0.0, game.settings.least_distance, 101)
     dearer = [
         distance_costs(game, omega, pair, close).min() - distance_costs(game, omega, pair, np.array(FAR))

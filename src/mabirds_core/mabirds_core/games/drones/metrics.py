@@ -6,18 +6,44 @@ import numpy as np
 
 from mabirds_core.arrays import Array, weighted_counts
 from mabirds_core.games.drones.game import DroneGame
-from mabirds_core.games.interface import ImitationMetrics, Trajectories
+from mabirds_core.games.interface import Trajectories
+from mabirds_core.games.whole_game import ImitationMetrics
 
 
 def drone_imitation(game: DroneGame, trajectories: Trajectories) -> ImitationMetrics:
-    """CVR and SR of drones as shares of the given trajectories, each judged at its steps and between them."""
+    """CVR and SR of drones.
+
+    Parameters
+    ----------
+    game : DroneGame
+        With its constraints.
+    trajectories : Trajectories
+        Each is judged at its steps and between them.
+
+    Returns
+    -------
+    ImitationMetrics
+        Shares of the trajectories.
+    """
     return ImitationMetrics(float(game.violates(trajectories).mean()), float(game.succeeds(trajectories).mean()))
 
 
 def place_visitation(game: DroneGame, trajectories: Trajectories, spacing: float = 0.5) -> Array:
-    """Discounted share of its time that each drone spends in each square of the arena, shape (N_E, X, Y), sums 1.
+    """Discounted share of its time that each drone spends in each square of the arena.
 
-    ``spacing``: largest side of a square [m].
+    Parameters
+    ----------
+    game : DroneGame
+        With the arena.
+    trajectories : Trajectories
+        Over which the mean is taken.
+    spacing : float, optional
+        Largest side of a square [m].
+
+    Returns
+    -------
+    Array
+        Shape (N_E, X, Y), of sum 1 for each drone.
     """
     places = game.positions(trajectories.states)
     counts = np.array(game.settings.lattice(spacing)) - 1

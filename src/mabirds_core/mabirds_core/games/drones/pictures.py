@@ -18,7 +18,8 @@ from mabirds_core.arrays import Array, Vector
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.judge import RolloutJudge
 from mabirds_core.games.drones.learned_costs import distance_costs, place_costs
-from mabirds_core.games.interface import Learned, Trajectories
+from mabirds_core.games.interface import Trajectories
+from mabirds_core.games.whole_game import Learned
 
 COLOURS = ("tab:red", "tab:blue", "tab:green", "tab:orange", "tab:purple", "tab:brown")
 """Colours of the drones, in turn."""
@@ -38,9 +39,18 @@ def colour_of(drone: int) -> str:
 
 
 def draw_arena(axis: Axes, game: DroneGame, drones: Sequence[int] | None = None, *, filled: bool = True) -> None:
-    """Obstacles, around each the line that drones' middles may not cross; starts as squares, goal regions as circles.
+    """Draw obstacles, around each the line that drones' middles may not cross; starts as squares, goals as circles.
 
-    ``drones``: whose starts and goal regions are drawn; None: of all. ``filled``: obstacles in grey, not as outlines.
+    Parameters
+    ----------
+    axis : Axes
+        Of the arena.
+    game : DroneGame
+        With obstacles and tasks.
+    drones : Sequence[int], optional
+        Whose starts and goal regions are drawn; None: of all.
+    filled : bool, optional
+        Obstacles in grey, not as outlines.
     """
     settings = game.settings
     for obstacle in settings.obstacles:
@@ -57,7 +67,19 @@ def draw_arena(axis: Axes, game: DroneGame, drones: Sequence[int] | None = None,
 
 
 def draw_trajectories(axis: Axes, places: Array, drones: Sequence[int], *, cased: bool = False) -> None:
-    """Trajectories (m, T + 1, N_E, 2) of ``drones``, a line each. ``cased``: with a white rim, for a dark ground."""
+    """Draw trajectories, a line each.
+
+    Parameters
+    ----------
+    axis : Axes
+        Of the arena.
+    places : Array
+        Shape (m, T + 1, N_E, 2) [m].
+    drones : Sequence[int]
+        Whose trajectories are drawn.
+    cased : bool, optional
+        With a white rim, for a dark ground.
+    """
     rim = [Stroke(linewidth=1.3, foreground="white", alpha=0.7), Normal()] if cased else None
     for drone in drones:
         for trajectory in places[:, :, drone]:
@@ -65,7 +87,22 @@ def draw_trajectories(axis: Axes, places: Array, drones: Sequence[int], *, cased
 
 
 def cost_field(game: DroneGame, omega: Vector, drone: int) -> Array:
-    """Learned costs of places ``RESOLUTION`` apart, y by x."""
+    """Learned costs of places ``RESOLUTION`` apart.
+
+    Parameters
+    ----------
+    game : DroneGame
+        With the arena.
+    omega : Vector
+        Cost weights, shape (K,).
+    drone : int
+        Index.
+
+    Returns
+    -------
+    Array
+        y by x.
+    """
     x, y = (np.arange(RESOLUTION / 2, side, RESOLUTION) for side in game.settings.arena)
     return place_costs(game, omega, drone, np.stack(np.meshgrid(x, y), axis=-1))
 
@@ -73,7 +110,26 @@ def cost_field(game: DroneGame, omega: Vector, drone: int) -> Array:
 def draw_cost(
     axis: Axes, game: DroneGame, omega: Vector, drone: int, limits: tuple[float, float] | None = None
 ) -> AxesImage:
-    """The learned cost of every place for a drone. ``limits``: of the colours."""
+    """Draw the learned cost of every place for a drone.
+
+    Parameters
+    ----------
+    axis : Axes
+        Of the arena.
+    game : DroneGame
+        With the arena.
+    omega : Vector
+        Cost weights, shape (K,).
+    drone : int
+        Index.
+    limits : tuple[float, float], optional
+        Least and largest cost of the colours; default: those of the drawing.
+
+    Returns
+    -------
+    AxesImage
+        For a colour bar.
+    """
     low, high = limits or (None, None)
     width, depth = game.settings.arena
     field, extent = cost_field(game, omega, drone), (0.0, width, 0.0, depth)
@@ -81,14 +137,32 @@ def draw_cost(
 
 
 class LearnedCosts(NamedTuple):
-    """Cost weights omega (K,) and rollouts of the policy (m, T + 1, N_E, 2) [m]."""
+    """What was learned, and what comes of it.
+
+    Attributes
+    ----------
+    omega : Vector
+        Cost weights, shape (K,).
+    places : Array
+        Of rollouts of the policy, shape (m, T + 1, N_E, 2) [m].
+    """
 
     omega: Vector
     places: Array
 
 
 def draw_costs(figure: FigureBase, game: DroneGame, learned: dict[str, LearnedCosts]) -> None:
-    """A column for each name in ``learned``, a row per drone; one scale for all panels."""
+    """Draw learned costs of places, with one scale for all panels.
+
+    Parameters
+    ----------
+    figure : FigureBase
+        In which the panels are.
+    game : DroneGame
+        With the arena.
+    learned : dict[str, LearnedCosts]
+        By name, a column each; a row per drone.
+    """
     axes = figure.subplots(game.n_experts, len(learned), squeeze=False)
     fields = [cost_field(game, omega, drone) for omega, _ in learned.values() for drone in range(game.n_experts)]
     limits = float(np.min(fields)), float(np.max(fields))
@@ -102,7 +176,17 @@ def draw_costs(figure: FigureBase, game: DroneGame, learned: dict[str, LearnedCo
 
 
 def draw_distance_costs(axis: Axes, game: DroneGame, omegas: dict[str, Vector]) -> None:
-    """What drones' distances are learned to cost, a line for each omega and pair; the least distance dashed."""
+    """Draw what drones' distances are learned to cost; the least distance dashed.
+
+    Parameters
+    ----------
+    axis : Axes
+        Of the distances.
+    game : DroneGame
+        With the pairs.
+    omegas : dict[str, Vector]
+        By name; a line for each and pair.
+    """
     for name, omega in omegas.items():
         for pair, (first, second) in enumerate(game.pairs):
             label = name if len(game.pairs) == 1 else f"{name}, drones {first + 1} and {second + 1}"
@@ -118,7 +202,20 @@ LABEL_BOX = {"boxstyle": "round,pad=0.2", "fc": "white", "ec": "none", "alpha": 
 
 
 def demonstrations_figure(game: DroneGame, demonstrations: Trajectories) -> Figure:
-    """As Figure 4a of the paper: the arena, and the first demonstrations of all drones."""
+    """As Figure 4a of the paper: the arena, and the first demonstrations of all drones.
+
+    Parameters
+    ----------
+    game : DroneGame
+        With the arena.
+    demonstrations : Trajectories
+        The first SHOWN_DEMONSTRATIONS are shown.
+
+    Returns
+    -------
+    Figure
+        One panel.
+    """
     shown = demonstrations.states[:SHOWN_DEMONSTRATIONS]
     figure, axis = plt.subplots(figsize=(5, 5.3), layout="constrained")
     draw_arena(axis, game)
@@ -132,7 +229,24 @@ def demonstrations_figure(game: DroneGame, demonstrations: Trajectories) -> Figu
 
 
 def arena_figure(game: DroneGame, judge: RolloutJudge, learned: Mapping[str, Learned], seed: int) -> Figure:
-    """A panel per name and drone: what places cost and some rollouts; what distances cost."""
+    """Draw what learners or methods ended with.
+
+    Parameters
+    ----------
+    game : DroneGame
+        With the arena.
+    judge : RolloutJudge
+        Who rolls out.
+    learned : Mapping[str, Learned]
+        By name.
+    seed : int
+        Of the rollouts.
+
+    Returns
+    -------
+    Figure
+        As of ``costs_figure``.
+    """
     costs = {
         name: LearnedCosts(omega, game.positions(judge.rollouts(policy, seed, SHOWN_ROLLOUTS).states))
         for name, (policy, omega, _) in learned.items()
@@ -141,7 +255,20 @@ def arena_figure(game: DroneGame, judge: RolloutJudge, learned: Mapping[str, Lea
 
 
 def costs_figure(game: DroneGame, learned: dict[str, LearnedCosts]) -> Figure:
-    """Learned costs by name: of each drone's places, with rollouts, and of the drones' distances."""
+    """Draw learned costs of each drone's places, with rollouts, and of the drones' distances.
+
+    Parameters
+    ----------
+    game : DroneGame
+        With the arena.
+    learned : dict[str, LearnedCosts]
+        By name.
+
+    Returns
+    -------
+    Figure
+        A panel per name and drone, and one of the distances.
+    """
     width = 2.3 * len(learned) + 1.0
     figure = plt.figure(figsize=(width + 3.6, 2.3 * game.n_experts + 0.5), layout="constrained")
     arenas, distances = figure.subfigures(1, 2, squeeze=False, width_ratios=(width, 3.6))[0]

@@ -73,12 +73,18 @@ class Pilots:
     policy = None
 
     def demonstrations(self, count: int, rng: np.random.Generator) -> Iterator[Trajectories]:
-        """``count`` demonstrations. Raises InfeasibleError where there are none, or too few to be found."""
+        """Demonstrate one after the other, as ``demonstration`` does."""
         for _ in range(count):
             yield self.demonstration(rng)
 
     def demonstration(self, rng: np.random.Generator) -> Trajectories:
-        """One demonstration. Raises InfeasibleError where none is found, or a drone has no way to its goal region."""
+        """One demonstration.
+
+        Raises
+        ------
+        InfeasibleError
+            None comes about in so many attempts, or a drone has no way to its goal region.
+        """
         self._check_ways()
         faults: Counter[str] = Counter()
         for _ in range(INTENTIONS):
@@ -247,7 +253,22 @@ class _Rollout:
 
 
 def correlated_noise(steps: int, drones: int, rng: np.random.Generator) -> Array:
-    """AR(1) noise of variance 1, shape (steps, drones, 2)."""
+    """AR(1) noise of variance 1.
+
+    Parameters
+    ----------
+    steps : int
+        How many.
+    drones : int
+        How many.
+    rng : np.random.Generator
+        Of the noise.
+
+    Returns
+    -------
+    Array
+        Shape (steps, drones, 2).
+    """
     noise = rng.standard_normal((steps, drones, 2))
     for step in range(1, steps):
         noise[step] = PERSISTENCE * noise[step - 1] + np.sqrt(1 - PERSISTENCE**2) * noise[step]

@@ -20,7 +20,20 @@ def suits_lattice(game: DroneGame) -> bool:
 
 
 def check_lattice(lattice: LatticeSettings, game: DroneGame) -> None:
-    """One or two drones, and values that fit into memory; raises ExperimentError otherwise."""
+    """Check that a lattice suits the game.
+
+    Parameters
+    ----------
+    lattice : LatticeSettings
+        Settings of the planner.
+    game : DroneGame
+        Of drones.
+
+    Raises
+    ------
+    ExperimentError
+        There are more than two drones, they are no single integrators, or values do not fit into memory.
+    """
     settings = game.settings
     if not suits_lattice(game):
         raise ExperimentError(
@@ -40,5 +53,18 @@ def check_lattice(lattice: LatticeSettings, game: DroneGame) -> None:
 
 
 def check_soft_actor_critic(settings: SoftActorCriticSettings, game: DroneGame) -> None:
-    """What is rolled out at once must fit into memory; raises ExperimentError otherwise."""
+    """Check that what is rolled out at once fits into memory.
+
+    Parameters
+    ----------
+    settings : SoftActorCriticSettings
+        Of the planner.
+    game : DroneGame
+        Of drones.
+
+    Raises
+    ------
+    ExperimentError
+        It does not.
+    """
     check_rollouts("policy.rollouts", settings.rollouts, game.horizon)

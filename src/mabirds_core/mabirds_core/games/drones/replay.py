@@ -15,7 +15,15 @@ from mabirds_core.games.interface import Trajectories
 
 @dataclass(frozen=True)
 class Replay:
-    """Rollouts and demonstrations, the newest last; the oldest make room for new ones."""
+    """What was rolled out and demonstrated, the newest last; the oldest makes room for the new.
+
+    Attributes
+    ----------
+    rollouts : Trajectories
+        Of policies before.
+    demonstrations : Trajectories
+        Each once.
+    """
 
     rollouts: Trajectories
     demonstrations: Trajectories
@@ -28,11 +36,37 @@ class Replay:
         return cls(nothing, nothing)
 
     def with_rollouts(self, new: Trajectories, capacity: int) -> "Replay":
-        """With ``new`` ones too, at most ``capacity`` transitions of rollouts, or one trajectory."""
+        """Add rollouts.
+
+        Parameters
+        ----------
+        new : Trajectories
+            Rollouts.
+        capacity : int
+            Transitions of rollouts that are kept at most, or one trajectory.
+
+        Returns
+        -------
+        Replay
+            With them.
+        """
         return Replay(_newest(_joined(self.rollouts, new), capacity), self.demonstrations)
 
     def with_demonstrations(self, observed: Trajectories | None, capacity: int) -> "Replay":
-        """The replay with those ``observed`` that it lacks: a learner's window shows each of them many times."""
+        """Add demonstrations that the replay lacks: a learner's window shows each of them many times.
+
+        Parameters
+        ----------
+        observed : Trajectories or None
+            Demonstrations; None: there are none.
+        capacity : int
+            Transitions of demonstrations that are kept at most, or one trajectory.
+
+        Returns
+        -------
+        Replay
+            With them.
+        """
         if observed is None:
             return self
         keys, fresh = set(_keys(self.demonstrations)), np.zeros(len(observed.states), dtype=bool)
@@ -43,7 +77,24 @@ class Replay:
         return Replay(self.rollouts, _newest(_joined(self.demonstrations, new), capacity))
 
     def draws(self, steps: int, batch: int, share: float, rng: np.random.Generator) -> Indices:
-        """Rows of ``transitions`` to learn from, shape (steps, batch), a ``share`` of them demonstrated."""
+        """Draw transitions to learn from.
+
+        Parameters
+        ----------
+        steps : int
+            Of gradients.
+        batch : int
+            Transitions per step.
+        share : float
+            Of a batch that is demonstrated, in [0, 1].
+        rng : np.random.Generator
+            Of the draw.
+
+        Returns
+        -------
+        Indices
+            Rows of ``transitions``, shape (steps, batch).
+        """
         length = self.rollouts.states.shape[1]
         rolled, shown = (len(part.states) * length for part in (self.rollouts, self.demonstrations))
         of_experts = round(share * batch) if shown else 0

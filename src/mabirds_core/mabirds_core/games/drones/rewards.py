@@ -15,6 +15,46 @@ from mabirds_core.rewards.models import FixedModel, LinearModel, RewardModel
 class DroneRewardModel(RewardModel, DroneReward, Protocol):
     """A reward model that says what it is made of, drone by drone and pair by pair."""
 
+    def unary(self, theta: Vector, drone: int, states: Array, actions: Array) -> Array:
+        """Terms of one drone.
+
+        Parameters
+        ----------
+        theta : Vector
+            Reward parameters, shape (size,).
+        drone : int
+            Index i.
+        states : Array
+            Of the drone, shape (..., D).
+        actions : Array
+            Of the drone, shape (..., 2); of a shape that fits.
+
+        Returns
+        -------
+        Array
+            Shape (...).
+        """
+        ...
+
+    def pairwise(self, theta: Vector, pair: int, distances: Array) -> Array:
+        """Terms of two drones.
+
+        Parameters
+        ----------
+        theta : Vector
+            Reward parameters, shape (size,).
+        pair : int
+            Index into ``DroneGame.pairs``.
+        distances : Array
+            Of any shape [m].
+
+        Returns
+        -------
+        Array
+            Shape of ``distances``.
+        """
+        ...
+
 
 @dataclass(frozen=True)
 class LinearDroneReward(LinearModel):

@@ -14,14 +14,48 @@ class DronePolicy(Protocol):
     """A time-dependent stochastic policy pi_t(a | s) that can be drawn from."""
 
     def act(self, step: int, states: Array, rng: np.random.Generator) -> Array:
-        """An action for each of M joint states (M, N_E D), shape (M, 2 N_E)."""
+        """Draw an action for each of M joint states.
+
+        Parameters
+        ----------
+        step : int
+            t.
+        states : Array
+            Shape (M, N_E D).
+        rng : np.random.Generator
+            Of the draw.
+
+        Returns
+        -------
+        Array
+            Shape (M, 2 N_E).
+        """
         ...
 
 
 def drone_rollouts(
     game: DroneGame, policy: DronePolicy, count: int, rng: np.random.Generator, starts: Array | None = None
 ) -> Trajectories:
-    """``count`` trajectories from P_0, or from ``starts`` (k, N_E D), each equally likely."""
+    """Follow a policy.
+
+    Parameters
+    ----------
+    game : DroneGame
+        Whose dynamics lead on.
+    policy : DronePolicy
+        pi_t(a | s).
+    count : int
+        m: how many trajectories.
+    rng : np.random.Generator
+        Of starts and actions.
+    starts : Array, optional
+        Joint states, shape (k, N_E D), each equally likely; default: P_0.
+
+    Returns
+    -------
+    Trajectories
+        m of them.
+    """
     current = game.starts(count, rng) if starts is None else starts[rng.integers(len(starts), size=count)]
     states = np.empty((count, game.horizon + 1, game.state_size))
     actions = np.empty((count, game.horizon + 1, game.action_size))

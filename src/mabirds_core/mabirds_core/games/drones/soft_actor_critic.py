@@ -106,7 +106,13 @@ class SacPolicy:
 
 @dataclass(frozen=True)
 class SacPlanner:
-    """The planner that learns from its own rollouts and from those observed; it starts where ``previous`` stopped."""
+    """The planner that learns from its own rollouts and from those observed; it starts where ``previous`` stopped.
+
+    Raises
+    ------
+    ExperimentError
+        The device is missing.
+    """
 
     game: DroneGame
     reward_model: DroneRewardModel
@@ -132,7 +138,6 @@ class SacPlanner:
     """Threads of torch on the CPU; with one, results repeat bit for bit."""
 
     def __post_init__(self) -> None:
-        """Raises ExperimentError where the device is missing."""
         if self.device == "cuda" and not torch.cuda.is_available():
             raise ExperimentError("device cuda: torch finds no GPU that it can use; set device to cpu")
 
@@ -269,7 +274,20 @@ class SacPlanner:
 
 
 def gradient(loss: Callable[[Tensor], Tensor], weights: Tensor) -> Tensor:
-    """grad loss at ``weights``, of their shape."""
+    """grad loss.
+
+    Parameters
+    ----------
+    loss : Callable[[Tensor], Tensor]
+        A number for weights.
+    weights : Tensor
+        Where the gradient is taken.
+
+    Returns
+    -------
+    Tensor
+        Shape of ``weights``.
+    """
     at = weights.detach().requires_grad_()
     return torch.autograd.grad(loss(at), at)[0]
 

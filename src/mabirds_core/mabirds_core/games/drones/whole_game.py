@@ -12,7 +12,8 @@ from mabirds_core.games.drones.planner_checks import suits_lattice
 from mabirds_core.games.drones.planner_settings import LatticeSettings, SoftActorCriticSettings
 from mabirds_core.games.drones.rewards import DroneRewardModel, LinearDroneReward, NeuralDroneReward, TrueDroneReward
 from mabirds_core.games.drones.rollouts import SampledDroneOccupancy
-from mabirds_core.games.interface import Experts, Learned, Trajectories
+from mabirds_core.games.interface import Trajectories
+from mabirds_core.games.whole_game import Experts, Learned
 from mabirds_core.planners.interface import Planner
 from mabirds_core.registry import build
 
@@ -24,7 +25,7 @@ EVAL_SPACING = 0.3
 
 
 class WholeDroneGame(DroneGame):
-    """``interface.Game`` of drones."""
+    """``games.whole_game.Game`` of drones."""
 
     expectations = ("sampled",)
     expert_kinds = ("pilots",)
@@ -84,7 +85,22 @@ class WholeDroneGame(DroneGame):
 
 
 def build_lattice(settings: LatticeSettings, game: DroneGame, reward: DroneRewardModel) -> Planner:
-    """The planner of the settings."""
+    """Build the planner of the settings.
+
+    Parameters
+    ----------
+    settings : LatticeSettings
+        With spacing and temperature.
+    game : DroneGame
+        Of drones.
+    reward : DroneRewardModel
+        r_theta.
+
+    Returns
+    -------
+    Planner
+        A ``LatticePlanner``.
+    """
     require("scipy", "policies of drones on a lattice", DRONES)
     from mabirds_core.games.drones.lattice import LatticePlanner  # scipy is for drones: patrols do without
 

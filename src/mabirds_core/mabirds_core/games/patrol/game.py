@@ -143,7 +143,13 @@ class PatrolGame(EnumerableGame):
         return states.astype(np.float64), self.moves(trajectory.actions[0]).T.astype(np.float64)
 
     def decode(self, states: Array, actions: Array) -> Trajectories:
-        """Inverse of ``encode``; raises ImpossibleTrajectoryError naming the first step that cannot be."""
+        """Inverse of ``encode``.
+
+        Raises
+        ------
+        ImpossibleTrajectoryError
+            The message names the first step that cannot be.
+        """
         steps = self.horizon + 1
         rows_and_columns = whole_numbers(
             "states", states, (steps, 2 * self.n_experts), [self.height, self.width] * self.n_experts

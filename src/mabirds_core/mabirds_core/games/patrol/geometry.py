@@ -23,6 +23,15 @@ class PatrolGrid:
 
     A joint state is the mixed-radix number of the experts' cells (expert 1 most significant), a cell the index
     row * width + column; joint actions likewise. S = n^N_E, A = 4^N_E.
+
+    Attributes
+    ----------
+    height : int
+        Rows.
+    width : int
+        Columns.
+    goal_cells : tuple[Cell, ...]
+        (row, column) of each expert's goal.
     """
 
     height: int

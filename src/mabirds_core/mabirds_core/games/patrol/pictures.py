@@ -11,9 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mabirds_core.arrays import Array, Mask
-from mabirds_core.games.interface import Learned, Trajectories
+from mabirds_core.games.interface import Trajectories
 from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_core.games.patrol.visits import visits
+from mabirds_core.games.whole_game import Learned
 
 MAX_DEMONSTRATIONS = 12
 """More lines than these could not be told apart."""
@@ -25,7 +26,21 @@ MAX_STARTS = 24
 def draw_map(
     axis: Axes, game: PatrolGame, expert: int, visits: Array | None = None, learned: Mask | None = None
 ) -> None:
-    """Obstacles grey, starts S, goal G; ``visits`` (n,) blue, ``learned`` (n,) red crosses."""
+    """Draw obstacles grey, starts S, goal G.
+
+    Parameters
+    ----------
+    axis : Axes
+        Of one expert's map.
+    game : PatrolGame
+        With the map.
+    expert : int
+        Whose starts and goal.
+    visits : Array, optional
+        Blue, shape (n,).
+    learned : Mask, optional
+        Cells with red crosses, shape (n,).
+    """
     shape = (game.height, game.width)
     blue = np.zeros(game.n_cells) if visits is None else np.sqrt(visits)
     axis.imshow(blue.reshape(shape), cmap="Blues", vmin=0, vmax=0.6)
@@ -44,7 +59,19 @@ def draw_map(
 
 
 def draw_paths(axis: Axes, game: PatrolGame, expert: int, demonstrations: Trajectories) -> None:
-    """One thin line per demonstration, each shifted a little so that all can be seen."""
+    """Draw one thin line per demonstration, each shifted a little so that all can be seen.
+
+    Parameters
+    ----------
+    axis : Axes
+        Of one expert's map.
+    game : PatrolGame
+        With the map.
+    expert : int
+        Whose paths.
+    demonstrations : Trajectories
+        A line each.
+    """
     offsets = np.linspace(-0.25, 0.25, len(demonstrations.states))
     for offset, states in zip(offsets, demonstrations.states, strict=True):
         rows, columns = np.divmod(game.cells(states)[expert], game.width)
@@ -52,7 +79,20 @@ def draw_paths(axis: Axes, game: PatrolGame, expert: int, demonstrations: Trajec
 
 
 def demonstrations_figure(game: PatrolGame, demonstrations: Trajectories) -> Figure:
-    """As Figure 2a of the paper: a map of each expert with starts, goal, and the first demonstrations."""
+    """As Figure 2a of the paper: a map of each expert with starts, goal, and the first demonstrations.
+
+    Parameters
+    ----------
+    game : PatrolGame
+        With the map.
+    demonstrations : Trajectories
+        The first MAX_DEMONSTRATIONS are shown.
+
+    Returns
+    -------
+    Figure
+        One row.
+    """
     shown = Trajectories(*(steps[:MAX_DEMONSTRATIONS] for steps in demonstrations))
     size = (3 * game.n_experts, 3.2)
     figure, axes = plt.subplots(1, game.n_experts, figsize=size, squeeze=False, layout="constrained")
@@ -65,7 +105,20 @@ def demonstrations_figure(game: PatrolGame, demonstrations: Trajectories) -> Fig
 
 
 def map_figure(game: PatrolGame, learned: Mapping[str, Learned]) -> Figure:
-    """A column per name, a row per expert: visitation in blue, learned constraints as red crosses, obstacles grey."""
+    """Draw visitation in blue, learned constraints as red crosses, obstacles in grey.
+
+    Parameters
+    ----------
+    game : PatrolGame
+        With the map.
+    learned : Mapping[str, Learned]
+        By name.
+
+    Returns
+    -------
+    Figure
+        A column per name, a row per expert.
+    """
     size = (2.6 * len(learned) + 0.8, 2.8 * game.n_experts)
     figure, axes = plt.subplots(game.n_experts, len(learned), figsize=size, squeeze=False, layout="constrained")
     for column, (name, (policy, _, constrained)) in zip(axes.T, learned.items(), strict=True):

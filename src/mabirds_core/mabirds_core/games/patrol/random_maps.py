@@ -17,7 +17,22 @@ TRIES = 200
 
 
 def hallways(rng: np.random.Generator, height: int, width: int) -> Walls:
-    """Corridors with one bend each, which join four or five places to a loop."""
+    """Corridors with one bend each, which join four or five places to a loop.
+
+    Parameters
+    ----------
+    rng : np.random.Generator
+        Of places and bends.
+    height : int
+        Rows.
+    width : int
+        Columns.
+
+    Returns
+    -------
+    Walls
+        True where a wall is, shape (height, width).
+    """
     walls = np.ones((height, width), dtype=bool)
     places = [(int(rng.integers(1, height - 1)), int(rng.integers(1, width - 1))) for _ in range(rng.integers(4, 6))]
     for (row, column), (to_row, to_column) in zip(places, places[1:] + places[:1], strict=True):
@@ -29,7 +44,22 @@ def hallways(rng: np.random.Generator, height: int, width: int) -> Walls:
 
 
 def rooms(rng: np.random.Generator, height: int, width: int) -> Walls:
-    """Four rooms, each wall between two with a door."""
+    """Four rooms, each wall between two with a door.
+
+    Parameters
+    ----------
+    rng : np.random.Generator
+        Of walls and doors.
+    height : int
+        Rows.
+    width : int
+        Columns.
+
+    Returns
+    -------
+    Walls
+        True where a wall is, shape (height, width).
+    """
     walls = np.ones((height, width), dtype=bool)
     walls[1:-1, 1:-1] = False
     row, column = int(rng.integers(2, height - 2)), int(rng.integers(2, width - 2))
@@ -42,7 +72,22 @@ def rooms(rng: np.random.Generator, height: int, width: int) -> Walls:
 
 
 def maze(rng: np.random.Generator, height: int, width: int) -> Walls:
-    """A random spanning tree of corridors, a quarter of the other passages opened; odd height and width."""
+    """A random spanning tree of corridors, a quarter of the other passages opened.
+
+    Parameters
+    ----------
+    rng : np.random.Generator
+        Of the tree and the passages.
+    height : int
+        Rows; an even number becomes the next odd one.
+    width : int
+        Columns; likewise.
+
+    Returns
+    -------
+    Walls
+        True where a wall is, shape (height, width) or one more.
+    """
     walls = np.ones((height | 1, width | 1), dtype=bool)
     grid = nx.grid_2d_graph(height // 2, width // 2)
     nx.set_edge_attributes(grid, {edge: float(rng.random()) for edge in grid.edges}, "weight")

@@ -3,12 +3,13 @@
 from collections.abc import Mapping
 from typing import Any
 
-from mabirds_core.games.interface import Learned, Trajectories
+from mabirds_core.games.interface import Trajectories
 from mabirds_core.games.patrol.game import PatrolGame
+from mabirds_core.games.whole_game import Learned
 
 
 class WholePatrolGame(PatrolGame):
-    """``interface.Game`` of patrols."""
+    """``games.whole_game.Game`` of patrols."""
 
     def figure(self, learned: Mapping[str, Learned], threshold: float, seed: int) -> Any:  # noqa: ARG002
         """A map of each expert for each name: visits, and what counts as forbidden."""

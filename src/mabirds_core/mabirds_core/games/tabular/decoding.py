@@ -7,7 +7,29 @@ from mabirds_core.errors import ImpossibleTrajectoryError
 
 
 def whole_numbers(what: str, values: Array, shape: tuple[int, int], bounds: list[int]) -> Indices:
-    """``values`` as integers with 0 <= values[:, k] < bounds[k]; raises ImpossibleTrajectoryError otherwise."""
+    """Read numbers of a message or bag as integers.
+
+    Parameters
+    ----------
+    what : str
+        Their name, for messages.
+    values : Array
+        As they came.
+    shape : tuple[int, int]
+        They must have.
+    bounds : list[int]
+        0 <= values[:, k] < bounds[k].
+
+    Returns
+    -------
+    Indices
+        Of this shape.
+
+    Raises
+    ------
+    ImpossibleTrajectoryError
+        They have another shape, or are not whole or out of bounds.
+    """
     if values.shape != shape:
         raise ImpossibleTrajectoryError(f"{what}: shape {values.shape}, expected {shape}")
     fits = (values >= 0) & (values < bounds) & (values == np.floor(values))

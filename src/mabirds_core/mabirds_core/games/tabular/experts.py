@@ -84,7 +84,27 @@ KINDS: dict[str, type[TabularExpertPolicy]] = {"optimal": OptimalExperts, "soft"
 
 
 def demonstrations(experts: TabularExpertPolicy, count: int, rng: np.random.Generator) -> Iterator[Trajectories]:
-    """``count`` demonstrations from P_0. Raises InfeasibleError where a start has no clean way to the goal."""
+    """Demonstrate from P_0.
+
+    Parameters
+    ----------
+    experts : TabularExpertPolicy
+        Whose policy is followed.
+    count : int
+        How many demonstrations.
+    rng : np.random.Generator
+        Of starts and actions.
+
+    Yields
+    ------
+    Trajectories
+        One each.
+
+    Raises
+    ------
+    InfeasibleError
+        A start has no clean way to the goal.
+    """
     game = experts.game
     starts = np.flatnonzero(game.initial_distribution)
     hopeless = starts[np.isneginf(experts.values[0][starts])]

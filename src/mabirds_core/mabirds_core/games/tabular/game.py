@@ -10,10 +10,11 @@ import numpy as np
 
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Vector
-from mabirds_core.games.interface import Experts, Learned, TabularGame, Trajectories
+from mabirds_core.games.interface import TabularGame, Trajectories
 from mabirds_core.games.tabular.constraint_test import NeutralGame
 from mabirds_core.games.tabular.experts import KINDS, TabularExperts
 from mabirds_core.games.tabular.judge import ExactJudge
+from mabirds_core.games.whole_game import Experts, Learned
 from mabirds_core.planners.interface import OccupancyEstimator
 from mabirds_core.planners.occupancy import ExactOccupancy, SampledOccupancy
 from mabirds_core.planners.soft_bellman import SoftBellmanPlanner
@@ -21,7 +22,7 @@ from mabirds_core.rewards.models import LinearReward, NeuralReward, TabularRewar
 
 
 class EnumerableGame:
-    """Base of tabular games: ``interface.Game`` for whatever implements ``interface.TabularGame``."""
+    """Base of tabular games: ``games.whole_game.Game`` for whatever implements ``interface.TabularGame``."""
 
     expectations = ("exact", "sampled")
     expert_kinds = tuple(KINDS)

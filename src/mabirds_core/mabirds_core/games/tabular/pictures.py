@@ -9,14 +9,30 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
-from mabirds_core.games.interface import Learned, TabularGame
+from mabirds_core.games.interface import TabularGame
+from mabirds_core.games.whole_game import Learned
 
 MAX_SHOWN = 20
 """Features; more would have no room for their names."""
 
 
 def costs_figure(game: TabularGame, learned: Mapping[str, Learned], threshold: float) -> Figure:
-    """A panel per name: the learned costs -omega of the dearest features, true constraints in red, the threshold."""
+    """Draw the learned costs -omega of the dearest features, true constraints in red.
+
+    Parameters
+    ----------
+    game : TabularGame
+        With names and true constraints.
+    learned : Mapping[str, Learned]
+        By name; a panel each.
+    threshold : float
+        A dashed line.
+
+    Returns
+    -------
+    Figure
+        In one row.
+    """
     names, truth = np.array(game.cost_features.names), game.true_constraints
     shown = min(MAX_SHOWN, len(names))
     size = (4.5 * len(learned), 0.25 * shown + 1.2)
