@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import Field
 
-from mabirds_core.algorithm.gradient import GradientEstimator, stacked
+from mabirds_core.algorithm.gradient import GradientEstimator
+from mabirds_core.algorithm.memory import stacked
 from mabirds_core.algorithm.parameters import Parameters
-from mabirds_core.baselines.interface import CentralState, MethodParts, first_state
+from mabirds_core.baselines.interface import CentralState, MethodParts
 from mabirds_core.games.interface import Trajectories, discounted_visitation
 from mabirds_core.registry import Kind
 from mabirds_core.settings import Settings
@@ -29,16 +30,15 @@ class Untouched:
 
     def initial_state(self) -> CentralState:
         """theta(1) of the reward model, omega(1) = 0."""
-        return first_state(self.estimator, self.seed)
+        return CentralState(1, self.estimator.initial_parameters(self.seed), memory=())
 
     def update(self, state: CentralState, demonstrations: Trajectories) -> CentralState:
         """omega_k = -penalty for every feature that all demonstrations so far leave at 0."""
-        seen, game = (demonstrations, *state.seen), self.estimator.game
+        seen, game = (demonstrations, *state.memory), self.estimator.game
         touched = game.cost_features.total(discounted_visitation(stacked(seen), game.discount)) > 0
         omega = np.where(touched, 0.0, -self.penalty)
-        return CentralState(
-            state.iteration + 1, Parameters(state.parameters.theta, omega), seen, None, state.work.more(1, 0)
-        )
+        after = Parameters(state.parameters.theta, omega)
+        return CentralState(state.iteration + 1, after, memory=seen, work=state.work.more(1, 0))
 
 
 def build_untouched(settings: UntouchedSettings, parts: MethodParts) -> Untouched:

@@ -12,6 +12,8 @@ from mabirds_junction.lanes import Lanes
 class JunctionCostFeatures:
     """phi(s, a): an indicator per vehicle and cell, then how many pairs meet in the junction."""
 
+    nonnegative = True
+
     def __init__(self, lanes: Lanes) -> None:
         self._lanes = lanes
         cells = [f"vehicle_{i + 1} in cell {c}" for i, length in enumerate(lanes.lengths) for c in range(length)]
@@ -35,6 +37,8 @@ class JunctionCostFeatures:
 
 class JunctionRewardFeatures:
     """f(s, a): an indicator per vehicle, cell and move, moves varying fastest."""
+
+    nonnegative = True
 
     def __init__(self, lanes: Lanes) -> None:
         self._lanes = lanes

@@ -12,7 +12,7 @@ import pytest
 from mabirds_msgs.msg import LearnerStatus
 from rich.console import Console
 
-from mabirds_bringup.commands.simulate import simulate_from_bag
+from mabirds_bringup.commands.simulate import demonstrations_of, simulate_from_bag
 from mabirds_bringup.console import guarded_output, print_json
 from mabirds_bringup.evaluate.evaluation import evaluate
 from mabirds_bringup.report.page import write_report
@@ -74,12 +74,23 @@ def test_a_status_of_a_newer_version_is_shown_too(experiment: Experiment, monito
 
 
 def test_the_report_shows_its_numbers(tmp_path: Path) -> None:
-    row = {"iterations": 40, "violation_rate": 0.002, "success_rate": 0.998, "false_positive_rate": 0.237}
+    rates = {"violation_rate": 0.002, "success_rate": 0.998, "success_late_minimum": 0.91}
+    errors = {"false_discovery_rate": 0.1, "false_positive_rate": 0.237, "false_negative_rate": 0.0, "auc": None}
+    row = {
+        "iterations": 40,
+        **rates,
+        **errors,
+        "held_out_log_likelihood": -6.43,
+        "occupancy_distance": 0.05,
+        "learned_constraints": {"a wall": 0.987},
+        "undetermined": 4,
+    }
     summary = {
         "experiment": "<patrol>",
-        "constraint_threshold": 0.005,
+        "constraint_rule": "counterfactual test at confidence 0.95",
+        "expert_log_likelihood": -6.23,
         "rates": "shares of 1000 rollouts",
-        "learners": {"learner_1": {**row, "false_negative_rate": 0.0}},
+        "learners": {"learner_1": row},
         "consensus_distance": {"theta": 3.85, "omega": 6.95, "policy": 0.87},
         "wall_seconds": 12.0,
     }
@@ -90,7 +101,11 @@ def test_the_report_shows_its_numbers(tmp_path: Path) -> None:
         "<td>40</td>",
         "<td>0.002</td>",
         "<td>0.998</td>",
-        "exceeds 0.005",
+        "<td>-6.43</td>",
+        "-6.23",
+        "a wall: 0.987",
+        "4 features undetermined",
+        "confidence 0.95",
         "of 1000 rollouts",
         "map.png",
     ):
@@ -118,7 +133,7 @@ def test_a_node_that_ignores_sigterm_is_killed(tmp_path: Path, monkeypatch: pyte
 
 def test_the_time_series_of_consensus_has_one_value_an_iteration(make_experiment: Callable[..., Path]) -> None:
     experiment = load_experiment(make_experiment(iterations=4))
-    evaluation = evaluate(experiment, simulate_from_bag(experiment))
+    evaluation = evaluate(experiment, simulate_from_bag(experiment), demonstrations_of(experiment))
     assert len(evaluation.consensus_theta) == len(evaluation.consensus_omega) == 5
     assert evaluation.consensus_theta[0] == 0.0
     assert np.isfinite(evaluation.consensus_omega).all()
