@@ -76,7 +76,7 @@ def run_python(text: str, folder: Path) -> str:
 def test_the_python_of_without_ros_runs() -> None:
     (text,) = blocks(TASKS / "without-ros.md", "python")
     told = run_python(text, ROOT)
-    assert len(re.findall(r"^learner_\d: \d+ constraints, the costliest: \w", told, re.MULTILINE)) == 2
+    assert len(re.findall(r"^learner_\d: \d+ constraints, the surest: \w", told, re.MULTILINE)) == 2
     assert "consensus distance of theta: " in told
 
 

@@ -7,7 +7,7 @@ The running mean keeps sums of feature counts and the starts, nothing else: its 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import count, takewhile
 from typing import Any, NamedTuple, Protocol
@@ -69,12 +69,16 @@ def stacked(demonstrations: tuple[Trajectories, ...] | list[Trajectories]) -> Tr
 
 @dataclass(frozen=True)
 class WindowMemory:
-    """The newest ``length`` sets of demonstrations, newest first."""
+    """The newest ``length`` sets of demonstrations, newest first.
+
+    ``padded``: terms that there are not yet count as zero, as in the paper; else the mean is over those there are.
+    """
 
     game: ConstrainedMarkovGame
     reward: RewardModel
     length: int
     newest: tuple[Trajectories, ...] = ()
+    padded: bool = True
 
     @cached_property
     def examples(self) -> Trajectories:
@@ -89,11 +93,11 @@ class WindowMemory:
     @property
     def fill(self) -> float:
         """How many of the ``length`` terms there are yet."""
-        return len(self.newest) / self.length
+        return len(self.newest) / self.length if self.padded else 1.0
 
     def add(self, demonstrations: Trajectories) -> "WindowMemory":
         """The oldest makes way."""
-        return WindowMemory(self.game, self.reward, self.length, (demonstrations, *self.newest)[: self.length])
+        return replace(self, newest=(demonstrations, *self.newest)[: self.length])
 
     def observed(self, theta: Vector) -> Parameters:
         """Means over the window."""
@@ -111,7 +115,7 @@ class WindowMemory:
         """As many as there are."""
         recorded = takewhile(lambda names: set(names) <= arrays.keys(), map(_names, count()))
         newest = tuple(self.game.decode(*(arrays[name] for name in names)) for names in recorded)
-        return WindowMemory(self.game, self.reward, self.length, newest)
+        return replace(self, newest=newest)
 
 
 def _names(number: int) -> tuple[str, str]:
@@ -187,8 +191,6 @@ class RunningMean:
 
     def to_arrays(self) -> dict[str, Array]:
         """observed.demonstrations, observed.reward, observed.cost, observed.starts, observed.start_counts."""
-        if self.sums is None:
-            return {}
         return {
             f"observed.{name}": np.asarray(values, dtype=np.float64) for name, values in self.sums._asdict().items()
         }
@@ -220,6 +222,8 @@ def _checked_sums(game: ConstrainedMarkovGame, reward: SummableReward, kept: Map
         if kept[name].shape != (size,) or not np.isfinite(kept[name]).all():
             raise CheckpointError(f"observed.{name}: expected {size} finite numbers")
     counts, starts = kept["start_counts"], kept["starts"]
+    if starts.ndim == 1 and not ((starts >= 0) & (starts < getattr(game, "n_states", 0))).all():
+        raise CheckpointError("observed.starts: expected joint states of the game")
     if kept["demonstrations"].shape != () or counts.ndim != 1 or len(starts) != len(counts) or not (counts >= 1).all():
         raise CheckpointError("observed.starts: expected as many starts as counts of at least 1")
     indices = starts.astype(np.int64) if starts.ndim == 1 else starts  # states of tabular games are numbers

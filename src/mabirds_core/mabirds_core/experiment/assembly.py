@@ -13,6 +13,7 @@ from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.baselines.interface import CentralMethod, MethodParts
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.file import Experiment
+from mabirds_core.experiment.learning_settings import MAX_WINDOW
 from mabirds_core.games.whole_game import Game
 from mabirds_core.planners.interface import Policy
 from mabirds_core.registry import METHODS, build, kind_of, kinds, require
@@ -79,36 +80,17 @@ def build_learner(experiment: Experiment, name: str, game: Game | None = None) -
 
 
 def build_memory(experiment: Experiment, game: Game, reward: RewardModel) -> Memory:
-    """Build what a learner keeps of its demonstrations.
+    """What a learner keeps of its demonstrations, empty.
 
-    Parameters
-    ----------
-    experiment : Experiment
-        With ``algorithm.window``.
-    game : Game
-        Of the experiment.
-    reward : RewardModel
-        r_theta.
-
-    Returns
-    -------
-    Memory
-        Empty.
-
-    Raises
-    ------
-    ExperimentError
-        The window is ``all``, and the gradient of the reward needs the demonstrations themselves.
+    The mean of all needs the demonstrations themselves where a reward's gradient is more than feature counts; then the
+    newest MAX_WINDOW are kept.
     """
     window = experiment.algorithm.window
     if window != "all":
         return WindowMemory(game, reward, window)
-    if not hasattr(reward, "gradient_of_total"):
-        raise ExperimentError(
-            f"algorithm.window all: the gradient of reward {experiment.algorithm.reward.kind} needs the demonstrations"
-            " themselves, not their feature counts; give the length of a window, such as 20"
-        )
-    return RunningMean.empty(game, cast("SummableReward", reward))
+    if hasattr(reward, "gradient_of_total"):
+        return RunningMean.empty(game, cast("SummableReward", reward))
+    return WindowMemory(game, reward, MAX_WINDOW, padded=False)
 
 
 def build_estimator(experiment: Experiment, game: Game, reward: RewardModel) -> GradientEstimator:

@@ -17,7 +17,8 @@ from mabirds_core.metrics.likelihood import log_likelihoods
 from mabirds_core.planners.occupancy import discounted_steps, occupancy_measure
 from mabirds_core.planners.soft_bellman import SoftBellmanPolicy, soft_bellman_policy
 
-MAX_EVALUATIONS = 200
+MAX_EVALUATIONS = 80
+"""Of the loss; held-out likelihood is best long before."""
 
 
 class Optimum(NamedTuple):
