@@ -69,6 +69,23 @@ def test_the_method_runs_as_a_node_and_learns_what_nobody_touches(run: Any, expe
     assert summary["false_negative_rate"] == 0.0
 
 
+def test_a_study_of_a_strangers_game_is_run(run: Any, experiment: Path, tmp_path: Path) -> None:
+    study = EXPERIMENT.with_name("study.yaml")
+    options = ("--experiment", f"main={experiment}", "--seeds", "1", "--out", "out", "--json")
+    content = json.loads(run(*MABIRDS, "bench", str(study), *options))
+    learners = {(row["label"], row["learner"]) for row in content["results"] if row["group"] == "main"}
+    assert learners == {("MA-BIRDS", "north"), ("MA-BIRDS", "east"), ("BICS", "bics"), ("untouched", "untouched")}
+    assert [target["name"] for target in content["targets"]] == [
+        f"main: MA-BIRDS {learner} success_rate" for learner in ("north", "east")
+    ]
+    assert {path.name for path in (tmp_path / "out").glob("*.png")} == {
+        "learned_main.png",
+        "rates_main.png",
+        "rates_variations.png",
+        "consensus_variations.png",
+    }
+
+
 CONFORMANCE = """
 import numpy as np
 from pathlib import Path

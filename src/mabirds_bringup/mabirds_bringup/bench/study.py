@@ -11,7 +11,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from mabirds_core.errors import ExperimentError, MabirdsError
 from mabirds_core.experiment.assembly import method_names
-from mabirds_core.experiment.file import Experiment, load_experiment
+from mabirds_core.experiment.file import Experiment, checked, load_experiment
 from mabirds_core.settings import Settings
 from mabirds_core.yaml_files import read_yaml
 
@@ -131,6 +131,7 @@ class LoadedStudy:
     """A study with its experiments; ``title`` and ``note`` name settings of theirs."""
 
     settings: Study
+    file: Path
     experiments: Mapping[str, Experiment]
     title: str
     note: str
@@ -143,7 +144,8 @@ class LoadedStudy:
     def _cases(self) -> Iterator[Case]:
         for name, group in self.settings.groups.items():
             for case in group.cases:
-                experiment = _changed(f"{name}, {case.label}", self.experiments[case.experiment], case.changes)
+                content = merged(self.experiments[case.experiment].model_dump(mode="json"), case.changes)
+                experiment = checked(content, f"{self.file}: {name}, {case.label}", self.file.parent)
                 yield Case(name, case.label, experiment, case.method, group.own_policies, self.settings.rollouts)
 
 
@@ -190,7 +192,7 @@ def load_study(
         title, note = (text.format(**experiments, **counts) for text in (settings.title, settings.note))
     except (LookupError, AttributeError, ValueError) as error:
         raise ExperimentError(f"{path}: title and note may name {{main.iterations}} and such: {error!r}") from None
-    return LoadedStudy(settings, experiments, title, note)
+    return LoadedStudy(settings, path, experiments, title, note)
 
 
 def _read(path: Path) -> Study:
@@ -211,16 +213,6 @@ def _read(path: Path) -> Study:
 
 def _truncated(experiment: Experiment, iterations: int | None) -> Experiment:
     return experiment.model_copy(update={"iterations": min(iterations or experiment.iterations, experiment.iterations)})
-
-
-def _changed(case: str, experiment: Experiment, changes: Mapping[str, Any]) -> Experiment:
-    """The experiment with other settings, checked again."""
-    if not changes:
-        return experiment
-    try:
-        return Experiment.model_validate(merged(experiment.model_dump(mode="json"), changes))
-    except (ValidationError, MabirdsError) as error:
-        raise ExperimentError(f"{case}: {error}") from None
 
 
 def merged(content: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:

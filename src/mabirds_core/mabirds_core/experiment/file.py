@@ -194,25 +194,46 @@ def load_experiment(path: Path) -> Experiment:
         raise ExperimentError(f"{path}: is not YAML: {error}") from None
     if not isinstance(content, dict):
         raise ExperimentError(f"{path}: expected the settings of an experiment, found {type(content).__name__}")
-    return _checked(path, content)
+    return checked(content, str(path), path.parent)
 
 
-def _checked(path: Path, content: dict[str, Any]) -> Experiment:
+def checked(content: dict[str, Any], source: str, directory: Path) -> Experiment:
+    """The experiment of the settings.
+
+    Parameters
+    ----------
+    content : dict
+        As in a file.
+    source : str
+        What errors begin with, such as the file's path.
+    directory : Path
+        That the bag's place is relative to.
+
+    Returns
+    -------
+    Experiment
+        Checked.
+
+    Raises
+    ------
+    ExperimentError
+        That names every wrong setting.
+    """
     try:
         # As JSON, so that strict types still let a list be a tuple: true is no number here, and "12" neither.
         text = _json(content)
     except (ValueError, TypeError, RecursionError) as error:
-        raise ExperimentError(f"{path}: {error}") from None
+        raise ExperimentError(f"{source}: {error}") from None
     try:
         experiment = Experiment.model_validate_json(text, strict=True)
     except ValidationError as error:
-        raise ExperimentError(f"{path}: {truncate('; '.join(_explanations(error)), MAX_ERROR)}") from None
+        raise ExperimentError(f"{source}: {truncate('; '.join(_explanations(error)), MAX_ERROR)}") from None
     except MabirdsError as error:
-        raise ExperimentError(f"{path}: {truncate(str(error), MAX_ERROR)}") from None
+        raise ExperimentError(f"{source}: {truncate(str(error), MAX_ERROR)}") from None
     try:
-        bag = (path.parent / experiment.demonstrations.bag).resolve()
+        bag = (directory / experiment.demonstrations.bag).resolve()
     except ValueError as error:  # a character that no path may have
-        raise ExperimentError(f"{path}: demonstrations.bag: {error}") from None
+        raise ExperimentError(f"{source}: demonstrations.bag: {error}") from None
     demonstrations = experiment.demonstrations.model_copy(update={"bag": bag})
     return experiment.model_copy(update={"demonstrations": demonstrations})
 

@@ -10,6 +10,7 @@ from mabirds_core.games.drones.learned_costs import (
     closeness_costs,
     disc,
     distance_costs,
+    measures,
     obstacle_costs,
     place_costs,
     rim,
@@ -107,3 +108,24 @@ def test_closeness_is_the_least_margin_over_a_large_distance(game: DroneGame) ->
     np.testing.assert_allclose(closeness_costs(game, omega), near - far)
     assert closeness_costs(game, -omega)[0] < 0
     assert closeness_costs(game, 0 * omega) == 0
+
+
+def test_measures_are_costs_by_the_names_of_things(game: DroneGame) -> None:
+    omega = RNG.normal(size=len(game.cost_features.names))
+    states = game.starts(4, RNG)[:, None].repeat(game.horizon + 1, axis=1)
+    shown = Trajectories(states, np.zeros((4, game.horizon + 1, game.action_size)))
+    by_name = measures(game, omega, shown)
+    inside, border = obstacle_costs(game, omega)
+    demonstrated = trajectory_costs(game, omega, shown)
+    for obstacle, place in enumerate(("(1, 0.7) m", "(2, 0.7) m")):
+        for drone in range(2):
+            name = f"{place}, drone {drone + 1}"
+            assert by_name["obstacle_cost"][name] == inside[drone, obstacle]
+            assert by_name["rim_cost"][name] == border[drone, obstacle]
+            assert by_name["demonstrated_cost"][name] == demonstrated[drone]
+            dearer = min(inside[drone, obstacle], border[drone, obstacle]) > demonstrated[drone]
+            assert by_name["obstacle_dearer"][name] == float(dearer)
+    (closeness,) = closeness_costs(game, omega)
+    assert by_name["closeness_cost"] == {"drones 1 and 2": closeness}
+    assert by_name["closeness_dearer"] == {"drones 1 and 2": float(closeness > 0)}
+    assert {len(values) for values in by_name.values()} == {4, 1}

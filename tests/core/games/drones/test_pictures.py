@@ -16,11 +16,13 @@ from matplotlib.patches import Circle, Rectangle
 
 from mabirds_bringup.evaluate.evaluation import Evaluation, evaluate
 from mabirds_bringup.report.figures import learned_by, save_figures
+from mabirds_core.algorithm.memory import stacked
 from mabirds_core.experiment.file import Experiment, load_experiment
 from mabirds_core.experiment.simulate import History, simulate
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.pictures import (
     RESOLUTION,
+    SHOWN_DEMONSTRATIONS,
     LearnedCosts,
     colour_of,
     cost_field,
@@ -147,4 +149,14 @@ def test_the_map_of_a_run_of_drones_shows_every_learner(
 ) -> None:
     figure = drone_game(drones).figure(learned_by(drones, history, evaluation), 0.1, seed=0)
     assert sum(bool(axis.images) for axis in figure.axes) == 2 * len(history)
+    plt.close(figure)
+
+
+def test_demonstrations_are_drawn_in_their_arena(drones: Experiment, streams: dict[str, list[Trajectories]]) -> None:
+    many = stacked([demonstration for stream in streams.values() for demonstration in stream] * SHOWN_DEMONSTRATIONS)
+    figure = drone_game(drones).demonstrations_figure(many)
+    (axis,) = figure.axes
+    assert len(axis.lines) == 2 * SHOWN_DEMONSTRATIONS
+    assert [text.get_text() for text in axis.texts] == ["start 1", "goal 1", "start 2", "goal 2"]
+    assert axis.get_title() == "40 demonstrations, arena 3 m x 3 m"
     plt.close(figure)
