@@ -54,7 +54,7 @@ class ExpertMoves:
         return [(int(c), int(a)) for c, a in np.argwhere(into)]
 
     def ordinary(self) -> tuple[Vector, float]:
-        """Phi, shape (n,), and rho; of smallest norm where the moves made leave a choice."""
+        """Phi, shape (n,), and rho; where the moves made leave a choice, the one of smallest norm around the mean."""
         made = self.made.copy()
         made[self.goal] = 0.0
         cells, moves = np.nonzero(made)
@@ -63,9 +63,11 @@ class ExpertMoves:
         np.add.at(system, (rows, cells), 1.0)
         np.add.at(system, (rows, self.successor[cells, moves]), -self.discount)
         system[:, self.goal], system[:, n] = 0.0, 1.0
-        weight = np.sqrt(made[cells, moves])
-        solution = np.linalg.lstsq(system * weight[:, None], self.rewards[cells, moves] * weight, rcond=1e-10)[0]
-        return np.asarray(solution[:n], dtype=np.float64), float(solution[n])
+        rewards, weight = self.rewards[cells, moves], np.sqrt(made[cells, moves])
+        # Around the mean reward, so that a constant added to all rewards adds to rho and changes nothing else.
+        mean = float(np.average(rewards, weights=made[cells, moves]))
+        solution = np.linalg.lstsq(system * weight[:, None], (rewards - mean) * weight, rcond=1e-10)[0]
+        return np.asarray(solution[:n], dtype=np.float64), mean + float(solution[n])
 
     def neutral_change(self, cell: int) -> Array | None:
         """What makes ``cell`` neutral, added to r(c, a), shape (n, 4); None where no way passes beside it."""
