@@ -59,7 +59,7 @@ def test_least_squares_are_weighed_by_how_often_a_move_is_made() -> None:
     weighed[GOAL] = 0.0
     assert weighed.sum() == pytest.approx(0, abs=1e-9)
     for cell in set(range(CELLS)) - {GOAL}:
-        balance = weighed[cell].sum() - GAMMA * weighed[SUCCESSOR == cell].sum()
+        balance = weighed[cell].sum() - GAMMA * weighed[cell == SUCCESSOR].sum()
         assert balance == pytest.approx(0, abs=1e-9)
 
 

@@ -116,9 +116,7 @@ def test_costs_of_cells_may_stand_in_theta_as_well(seed: int, scale: float) -> N
     theta, omega = parameters.theta.reshape(2, -1, 4), parameters.omega.copy()
     theta = theta + omega[:-2].reshape(2, -1, 1)
     omega[:-2] = 0.0
-    before, after = (
-        confidences(game, of, around(game, seed)) for of in (parameters, Parameters(theta.ravel(), omega))
-    )
+    before, after = (confidences(game, of, around(game, seed)) for of in (parameters, Parameters(theta.ravel(), omega)))
     np.testing.assert_allclose(after, before, rtol=0, atol=1e-9)
 
 
