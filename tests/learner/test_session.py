@@ -263,7 +263,7 @@ def test_closing_rounds_wait_for_neighbours_and_for_no_demonstration(experiment:
     session = LearnerSession(StrictMember(learner, Limits(1, 256, 64, closing_rounds=1)))
     session.receive_demonstration(1, streams["learner_1"][0])
     session.member.receive_parameters("learner_2", 1, session.parameters)
-    assert set(session.step()) == {"gradient_theta_norm", "gradient_omega_norm"}
+    assert set(session.step()) == {"gradient_theta_norm", "gradient_omega_norm", "held_out_log_likelihood"}
     assert (session.finished, session.missing_demonstration, session.waiting_for()) == (False, False, ["learner_2"])
     other = Parameters(session.parameters.theta + 2, session.parameters.omega + 4)
     expected = session.parameters.theta + 1, session.parameters.omega + 2

@@ -6,6 +6,8 @@ How it mixes with its neighbours, and whom it waits for, is its member's: strict
 from collections.abc import Mapping
 from typing import Generic, TypeVar
 
+import numpy as np
+
 from mabirds_core.algorithm.learner import Learner, LearnerState
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.algorithm.storage import parameters_of, to_arrays
@@ -13,6 +15,7 @@ from mabirds_core.arrays import Array
 from mabirds_core.errors import CheckpointError
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.metrics.metrics import norms
+from mabirds_core.planners.interface import Policy
 from mabirds_learner.checkpoint import Checkpoints
 from mabirds_learner.inbox import check_iteration
 from mabirds_learner.member import Member, indices_of, names_at
@@ -22,6 +25,9 @@ DEMONSTRATION = "demonstration"
 
 MIXED_FROM = "mixed_from"
 """Name of the array of those whose parameters entered the newest update, in a checkpoint."""
+
+LIKELIHOOD = "held_out_log_likelihood"
+"""Name of the metric, in nats, of the demonstration that an update is about to learn from."""
 
 AMember = TypeVar("AMember", bound=Member)
 
@@ -103,10 +109,17 @@ class LearnerSession(SessionState, Generic[AMember]):
             result = self.learner.step(self.state, self._demonstrations[n], incoming)
             self.member.state = result.state
             metrics = {f"gradient_{name}": value for name, value in norms(result.gradient).items()}
+            metrics |= self._likelihood(result.estimate.policy, self._demonstrations[n])
         self.mixed_from = list(incoming)
         self.member.close_iteration(n)
         self._close_iteration(n)
         return {**metrics, **self.member.metrics()}
+
+    def _likelihood(self, policy: Policy, demonstration: Trajectories) -> dict[str, float]:
+        """log p(zeta(n)) under the policy of iteration n, which had not seen it; nothing where the game cannot say."""
+        judge = getattr(self.learner.game, "judge", None)
+        nats = None if judge is None else judge.log_likelihoods(policy, demonstration)
+        return {} if nats is None or not np.isfinite(nats).all() else {LIKELIHOOD: float(nats.mean())}
 
     def _on_join(self) -> None:
         """What others learned before this learner joined is not its to learn."""

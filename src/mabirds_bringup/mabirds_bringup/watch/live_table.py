@@ -16,9 +16,12 @@ STATES = {
 
 
 def live_table(experiment: Experiment, monitor: MonitorNode) -> Table:
-    """One row per learner (seconds: of its newest iteration), the consensus distance below."""
+    """One row per learner, the consensus distance below.
+
+    Seconds: of its newest iteration. Nats: log likelihood of its newest demonstration before it was learned.
+    """
     table = Table(title=f"{experiment.name}: {len(monitor.names)} learning", caption=caption(monitor))
-    for column in ("learner", "learned", "backlog", "state", "waits for", "seconds", "dropped"):
+    for column in ("learner", "learned", "backlog", "state", "waits for", "seconds", "nats", "dropped"):
         table.add_column(column)
     for name in monitor.names:
         table.add_row(name, *_cells(experiment, monitor, name))
@@ -28,7 +31,7 @@ def live_table(experiment: Experiment, monitor: MonitorNode) -> Table:
 def _cells(experiment: Experiment, monitor: MonitorNode, name: str) -> list[str]:
     status = monitor.statuses.get(name)
     if status is None:
-        return ["-", "-", "starting", "", "", ""]
+        return ["-", "-", "starting", "", "", "", ""]
     metrics = dict(zip(status.metric_names, status.metric_values, strict=False))
     drops = dict(zip(status.drop_reasons, status.drop_counts, strict=False))
     cells = (
@@ -36,10 +39,15 @@ def _cells(experiment: Experiment, monitor: MonitorNode, name: str) -> list[str]
         str(status.backlog),
         _state(monitor, name, status),
         f"{', '.join(status.waiting_for)} (iteration {status.iteration})" if status.waiting_for else "",
-        f"{metrics['iteration_seconds']:.3f}" if "iteration_seconds" in metrics else "",
+        _number(metrics.get("iteration_seconds"), ".3f"),
+        _number(metrics.get("held_out_log_likelihood"), ".1f"),
         ", ".join(f"{reason} {count}" for reason, count in drops.items()),
     )
     return [sanitize(cell) for cell in cells]  # whatever others have put into their statuses
+
+
+def _number(value: float | None, form: str) -> str:
+    return "" if value is None else format(value, form)
 
 
 def _state(monitor: MonitorNode, name: str, status: LearnerStatus) -> str:
