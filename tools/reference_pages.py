@@ -1,7 +1,8 @@
 """Reference pages of the documentation, written from the code while mkdocs builds (a hook, see mkdocs.yml).
 
-Commands come from typer, settings from the JSON schema of experiment files, parameters, topics and QoS from nodes that
-are created for a moment, messages and services from their definitions, files from ``run_directory.CONTENTS``.
+Commands come from typer, settings from the JSON schemas of experiment and study files, parameters, topics and QoS from
+nodes that are created for a moment, messages and services from their definitions, files from
+``run_directory.CONTENTS``.
 """
 
 import ast
@@ -18,6 +19,7 @@ import rclpy
 import yaml
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
+from pydantic import BaseModel
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -25,6 +27,7 @@ from rclpy.qos import QoSProfile
 from typer.main import get_command
 
 from mabirds_bringup import exit_codes
+from mabirds_bringup.bench.study import Study, packaged_studies
 from mabirds_bringup.cli import app
 from mabirds_bringup.evaluate.evaluation import LearnerMetrics
 from mabirds_bringup.run.declaration import MembershipPublisher
@@ -142,12 +145,22 @@ def _constants(file: Path) -> Iterator[tuple[str, str]]:
 
 def settings_page() -> str:
     """Every model of the JSON schema of an experiment, the experiment first."""
-    schema = Experiment.model_json_schema()
-    names = list(dict.fromkeys(_reachable(schema, schema["$defs"])))
-    models = {"Experiment": schema, **{name: schema["$defs"][name] for name in names}}
-    sections = [_model_section(name, model) for name, model in models.items() if "properties" in model]
     words = "An experiment is one YAML file. A misspelt name, or a value that does not fit, is refused with its remedy."
-    return "\n".join(["# Experiment files", "", words, "", *sections])
+    return _models_page("Experiment files", words, Experiment)
+
+
+def studies_page() -> str:
+    """Every model of the JSON schema of a study, the study first."""
+    words = f"A study is one YAML file for `mabirds bench`. The package has {', '.join(map(code, packaged_studies()))}."
+    return _models_page("Study files", words, Study)
+
+
+def _models_page(title: str, words: str, first: type[BaseModel]) -> str:
+    schema = first.model_json_schema()
+    names = list(dict.fromkeys(_reachable(schema, schema["$defs"])))
+    models = {first.__name__: schema, **{name: schema["$defs"][name] for name in names}}
+    sections = [_model_section(name, model) for name, model in models.items() if "properties" in model]
+    return "\n".join([f"# {title}", "", words, "", *sections])
 
 
 def _reachable(part: Any, models: Mapping[str, Any]) -> Iterator[str]:
@@ -383,6 +396,7 @@ def _name(kind: Any) -> str:
 PAGES: dict[str, Callable[[], str]] = {
     "commands": commands_page,
     "settings": settings_page,
+    "studies": studies_page,
     "parameters": parameters_page,
     "topics": topics_page,
     "messages": messages_page,

@@ -41,9 +41,12 @@ def wrong_words(line: str) -> list[str]:
     while verbs := getattr(command, "commands", None):
         if not words:
             return []
-        if words[0] not in verbs:
-            return [words[0]]
-        command = verbs[words.pop(0)]
+        verb = words.pop(0)
+        if verb.endswith(".yaml"):
+            verb = "STUDY"  # the file of a study, where `mabirds bench` takes a name
+        if verb not in verbs:
+            return [verb]
+        command = verbs[verb]
     known = {name for parameter in command.params for name in parameter.opts} | {"--help"}
     return [word for word in words if word.startswith("--") and word not in known]
 

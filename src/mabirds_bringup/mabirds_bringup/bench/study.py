@@ -5,15 +5,18 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from mabirds_core.errors import ExperimentError, MabirdsError
+from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.assembly import method_names
 from mabirds_core.experiment.file import Experiment, checked, load_experiment
 from mabirds_core.settings import Settings
 from mabirds_core.yaml_files import read_yaml
+
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
 
 PACKAGED = Path(__file__).parents[1] / "studies"
 """Where the studies of the package are."""
@@ -203,12 +206,14 @@ def _read(path: Path) -> Study:
         choice = ", ".join(packaged_studies())
         raise ExperimentError(f"{path}: {error.strerror}; give a study's file, or one of {choice}") from None
     except ValidationError as error:
-        wrong = (f"{'.'.join(map(str, problem['loc']))}: {problem['msg']}" for problem in error.errors())
-        raise ExperimentError(f"{path}: {'; '.join(wrong)}") from None
+        raise ExperimentError(f"{path}: {'; '.join(map(_explanation, error.errors()))}") from None
     except ValueError as error:
         raise ExperimentError(f"{path}: is not YAML: {error}") from None
-    except MabirdsError as error:
-        raise ExperimentError(f"{path}: {error}") from None
+
+
+def _explanation(problem: "ErrorDetails") -> str:
+    place = ".".join(map(str, problem["loc"])) or "study"
+    return f"{place}: {problem['msg'].removeprefix('Value error, ')}"
 
 
 def _truncated(experiment: Experiment, iterations: int | None) -> Experiment:

@@ -5,9 +5,10 @@ import numpy as np
 from experiments import demonstrations, experiment
 
 from mabirds_core.algorithm.memory import stacked
-from mabirds_core.games.interface import Learned, Trajectories
+from mabirds_core.games.interface import Trajectories
 from mabirds_core.games.patrol.pictures import MAX_DEMONSTRATIONS
 from mabirds_core.games.patrol.whole_game import WholePatrolGame
+from mabirds_core.games.whole_game import Learned
 from mabirds_core.planners.soft_bellman import soft_bellman_policy
 
 SETTINGS = experiment({"game.map": "...\n..."})
