@@ -1,4 +1,4 @@
-"""The docstrings of mabirds_core: examples run and show what they say, sections name what the code has."""
+"""Docstrings: examples of mabirds_core run and show what they say, sections of all packages say what the code has."""
 
 import ast
 import doctest
@@ -16,6 +16,7 @@ import pytest
 import mabirds_core
 
 MODULES = sorted(module.name for module in pkgutil.walk_packages(mabirds_core.__path__, "mabirds_core."))
+SOURCES = Path(__file__).resolve().parents[2] / "src"
 NOT_YET = ("mabirds_core.algorithm.", "mabirds_core.metrics.")
 """Packages that have no sections yet."""
 
@@ -106,26 +107,24 @@ def types(text: object) -> str:
     return str(text).replace(" or ", " | ").replace("numpy.", "np.").translate(str.maketrans("", "", "'\" "))
 
 
-def agree(described: object, annotation: object) -> bool:
-    """Whether a docstring has the type of the signature, perhaps without what is in brackets."""
-    return types(described) in {types(annotation), types(annotation).split("[")[0]}
-
-
-def fits(described: griffe.DocstringParameter, parameter: griffe.Parameter) -> bool:
-    """Whether the types agree; what is optional need not say that it may be None."""
-    annotation = types(parameter.annotation)
-    optional = annotation if parameter.default is None else annotation.removesuffix("|None")
-    return agree(described.annotation, annotation) or agree(described.annotation, optional)
+def agree(described: object, annotation: object, *, optional: bool = False) -> bool:
+    """Whether a docstring has the type of the code, perhaps without brackets; what is optional may leave None out."""
+    whole = types(annotation)
+    return types(described) in {whole, whole.split("[")[0], whole.removesuffix("|None") if optional else whole}
 
 
 def faults_of_parameters(function: griffe.Function) -> Iterator[str]:
-    described, given = written(function).get(PARAMETERS), parameters(function)
-    if described is None and len(given) < 2:
-        return
-    if [item.name for item in described or ()] != names(function):
-        yield f"Parameters has {[item.name for item in described or ()]}, expected {names(function)}"
-    for item, parameter in zip(described or (), given, strict=False):
-        if not fits(item, parameter):
+    described = written(function).get(PARAMETERS)
+    if described is not None or len(parameters(function)) > 1:
+        yield from faults_of_items(described or [], function)
+
+
+def faults_of_items(described: list[griffe.DocstringParameter], function: griffe.Function) -> Iterator[str]:
+    """What is wrong with a section of parameters."""
+    if [item.name for item in described] != names(function):
+        yield f"Parameters has {[item.name for item in described]}, expected {names(function)}"
+    for item, parameter in zip(described, parameters(function), strict=False):
+        if not agree(item.annotation, parameter.annotation, optional=parameter.default is not None):
             yield f"Parameters has {item.name} : {item.annotation}, expected {parameter.annotation}"
 
 
@@ -140,34 +139,63 @@ def faults_of_results(function: griffe.Function) -> Iterator[str]:
         yield f"Returns or Yields has {items}, expected {result}"
 
 
-def prose(function: griffe.Function) -> list[str]:
+def prose(given: griffe.Object, described: list[str]) -> list[str]:
     """What a docstring says outside of sections of parameters and exceptions."""
-    parsed = function.docstring.parsed if function.docstring else []
+    parsed = given.docstring.parsed if given.docstring else []
     text = "".join(section.value for section in parsed if isinstance(section.value, str))
-    described = "|".join(re.escape(name) for name in names(function))
-    return re.findall(rf"[Rr]aises? \w+Error|``(?:{described})``:", text)
+    choice = "|".join(re.escape(name) for name in described)
+    return re.findall(rf"[Rr]aises? \w+Error|``(?:{choice})``:", text)
+
+
+def faults_of_class(given: griffe.Class) -> Iterator[str]:
+    """Attributes are the fields, Parameters those of ``__init__``; neither has to be there."""
+    fields = {name: member for name, member in given.members.items() if is_field(member)}
+    attributes = written(given).get(griffe.DocstringSectionKind.attributes)
+    if attributes is not None and [item.name for item in attributes] != list(fields):
+        yield f"Attributes has {[item.name for item in attributes]}, expected {list(fields)}"
+    for item in attributes or ():
+        field = fields.get(item.name)
+        if field and not agree(item.annotation, field.annotation):
+            yield f"Attributes has {item.name} : {item.annotation}, expected {field.annotation}"
+    init, described = given.members.get("__init__"), written(given).get(PARAMETERS)
+    taken = names(init) if isinstance(init, griffe.Function) else []
+    if isinstance(init, griffe.Function) and described is not None:
+        yield from faults_of_items(described, init)
+    yield from (f"says in prose what belongs into a section: {words}" for words in prose(given, [*fields, *taken]))
+
+
+def is_field(member: griffe.Object | griffe.Alias) -> bool:
+    """Whether it is a public attribute with a type, and no property."""
+    typed = isinstance(member, griffe.Attribute) and member.annotation is not None
+    return typed and "property" not in member.labels and not member.name.startswith("_")
 
 
 def faults(function: griffe.Function) -> Iterator[str]:
     """What the sections lack or say wrongly. What takes less than two parameters needs no sections but Raises."""
     yield from faults_of_parameters(function)
     yield from faults_of_results(function)
-    yield from (f"says in prose what belongs into a section: {words}" for words in prose(function))
+    yield from (f"says in prose what belongs into a section: {words}" for words in prose(function, names(function)))
     described = {str(item.annotation) for item in written(function).get(griffe.DocstringSectionKind.raises, ())}
     if missing := raised(function) - described:
         yield f"Raises has {sorted(described)}, expected {sorted(missing)} too"
 
 
 def all_faults(package: griffe.Module, chosen: list[griffe.Object]) -> list[str]:
-    functions = [member for member in chosen if isinstance(member, griffe.Function)]
-    described_here = [function for function in functions if not described_elsewhere(function, package)]
-    return [f"{function.path}: {fault}" for function in described_here for fault in faults(function)]
+    functions = [
+        (member, fault) for member in chosen if isinstance(member, griffe.Function) for fault in faults(member)
+    ]
+    classes = [member for member in chosen if isinstance(member, griffe.Class)]
+    return [
+        *(f"{member.path}: {fault}" for member, fault in functions if not described_elsewhere(member, package)),
+        *(f"{given.path}: {fault}" for given in classes for fault in faults_of_class(given)),
+    ]
 
 
-def test_sections_name_what_functions_have() -> None:
-    package = loaded("mabirds_core", Path(mabirds_core.__path__[0]).parent)
+@pytest.mark.parametrize("name", ["mabirds_core", "mabirds_msgs_py", "mabirds_expert_player", "mabirds_learner"])
+def test_sections_say_what_the_code_has(name: str) -> None:
+    package = loaded(name, SOURCES / name)
     chosen = [member for member in members(package) if not member.path.startswith(NOT_YET)]
-    assert len(chosen) > 500
+    assert len(chosen) > 30
     missing = all_faults(package, chosen)
     assert not missing, "\n".join([f"{len(missing)} faults", *missing])
 
@@ -199,6 +227,19 @@ class Adder(Protocol):
         raise ValueError(first)
 
 class Implements:
+    '''An adder.
+
+    Attributes
+    ----------
+    unit : str or None
+        Of numbers.
+    '''
+
+    unit: str | None = None
+    _secret: int = 0
+
+    def __init__(self, unit: str | None = None) -> None: ...
+
     def add(self, first: int, second: str | None = None) -> float | None:
         '''Described by the protocol, which is not its base.'''
 """
@@ -217,6 +258,11 @@ class Implements:
         ("        ValueError\n", "        TypeError\n", ["Raises"]),
         ("Add two things.", "Add two things; raises KeyError where ``first``: is large.", ["says", "says"]),
         ("def add", "def _add", []),
+        ("    unit : str or None\n", "    units : str or None\n", ["Attributes"]),
+        ("    unit : str or None\n", "    unit : str\n", ["Attributes"]),
+        ("An adder.", "An adder with ``unit``: metres.", ["says"]),
+        ("Attributes\n    ----------", "Parameters\n    ----------", []),
+        ("Attributes\n    ----------\n    unit", "Parameters\n    ----------\n    units", ["Parameters"]),
     ],
 )
 def test_what_sections_lack_is_seen(tmp_path: Path, old: str, new: str, complaints: list[str]) -> None:

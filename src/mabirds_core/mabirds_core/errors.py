@@ -34,9 +34,9 @@ class RefusedMessageError(MabirdsError):
 
     Parameters
     ----------
-    reason
+    reason : str
         A short name to count by.
-    explanation
+    explanation : str
         For people.
     """
 

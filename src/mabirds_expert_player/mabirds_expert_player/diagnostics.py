@@ -10,7 +10,24 @@ from mabirds_msgs_py.diagnostics import diagnostic_message
 
 
 def playing_diagnostic(name: str, streams: Mapping[str, Stream], stamp: Time, *, paused: bool) -> DiagnosticArray:
-    """The message of the player: by learner, what was sent and what the learner says it has learned."""
+    """Tell how playing stands.
+
+    Parameters
+    ----------
+    name : str
+        Of the player.
+    streams : Mapping[str, Stream]
+        By learner.
+    stamp : Time
+        The present time.
+    paused : bool
+        By a service.
+
+    Returns
+    -------
+    DiagnosticArray
+        By learner, what was sent and what the learner says it has learned.
+    """
     values = {
         f"{learner}: {what}": getattr(stream, what)
         for learner, stream in streams.items()

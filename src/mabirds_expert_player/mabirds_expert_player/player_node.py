@@ -49,7 +49,15 @@ HISTORY = 256
 class ExpertPlayerNode(Node):
     """Plays an experiment's bag. ``done`` turns true once every learner has learned everything.
 
-    Raises MabirdsError for a wrong experiment or bag.
+    Parameters
+    ----------
+    **node_options : Any
+        Of ``rclpy.node.Node``.
+
+    Raises
+    ------
+    MabirdsError
+        The experiment or the bag is wrong.
     """
 
     def __init__(self, **node_options: Any) -> None:

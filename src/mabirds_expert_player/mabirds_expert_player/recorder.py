@@ -21,7 +21,21 @@ FIRST_STAMP = 1_700_000_000 * NANOSECONDS
 def record(experiment: Experiment, directory: Path, on_demonstration: Callable[[], None] = lambda: None) -> None:
     """Write a bag with ``experiment.demonstrations.per_learner`` demonstrations for each learner.
 
-    Raises BagError where ``directory`` exists, InfeasibleError where a start has no clean way to the goal.
+    Parameters
+    ----------
+    experiment : Experiment
+        With game, learners and experts.
+    directory : Path
+        Of the bag; is made.
+    on_demonstration : Callable[[], None], optional
+        Called after each.
+
+    Raises
+    ------
+    BagError
+        The directory exists.
+    InfeasibleError
+        A start has no clean way to the goal.
     """
     game, settings = build_game(experiment), experiment.demonstrations
     streams = expert_streams(experiment, game)
@@ -35,9 +49,24 @@ def record(experiment: Experiment, directory: Path, on_demonstration: Callable[[
 
 
 def expert_streams(experiment: Experiment, game: Game) -> dict[str, Iterator[Trajectories]]:
-    """The experts' demonstrations for each learner; each stream is drawn with a generator of its own.
+    """The experts' demonstrations for each learner.
 
-    Raises ExperimentError where the game has no experts.
+    Parameters
+    ----------
+    experiment : Experiment
+        With learners and experts.
+    game : Game
+        Of the experiment.
+
+    Returns
+    -------
+    dict[str, Iterator[Trajectories]]
+        By learner; each stream is drawn with a generator of its own.
+
+    Raises
+    ------
+    ExperimentError
+        The game has no experts.
     """
     settings = experiment.demonstrations
     if not game.expert_kinds:

@@ -51,9 +51,21 @@ class Stream:
         return 0.0 if self.last_due is None else self.last_due + gap(self.sent + 1)
 
     def mark_sent(self, now: float, due: float) -> int:
-        """Count the next demonstration as sent and return its number.
+        """Count the next demonstration as sent.
 
         A demonstration that was late because it was held back shifts the ones after it: no burst makes up for it.
+
+        Parameters
+        ----------
+        now : float
+            The present time.
+        due : float
+            When the demonstration was.
+
+        Returns
+        -------
+        int
+            Its number.
         """
         late = self.last_due is None or now - due > JITTER_TOLERANCE
         self.last_due = now if late else due
@@ -62,7 +74,20 @@ class Stream:
         return self.sent
 
     def missing(self, now: float, patience: float) -> range:
-        """What was sent over ``patience`` seconds ago and is still not acknowledged by a learner that waits."""
+        """What was sent and is still not acknowledged by a learner that waits.
+
+        Parameters
+        ----------
+        now : float
+            The present time.
+        patience : float
+            Seconds since it was sent.
+
+        Returns
+        -------
+        range
+            Demonstrations to send again.
+        """
         if self.sent <= self.acknowledged or now - self.last_sent_at < patience:
             return range(0)
         self.last_sent_at = now
@@ -83,7 +108,22 @@ class AckFilter:
     _heard: deque[tuple[float, int]] = field(default_factory=deque)
 
     def accepted(self, learned: int, sent: int, now: float) -> int | None:
-        """What counts now that the learner says ``learned``, and ``sent`` were sent; None: nothing does yet."""
+        """How much of what a learner says counts.
+
+        Parameters
+        ----------
+        learned : int
+            Its number of the newest demonstration learned.
+        sent : int
+            Number of the newest one sent.
+        now : float
+            The present time.
+
+        Returns
+        -------
+        int or None
+            What counts now; None: nothing does yet.
+        """
         self._heard.append((now, learned))
         while now - self._heard[0][0] > self.patience:
             self._heard.popleft()

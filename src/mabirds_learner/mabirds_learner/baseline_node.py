@@ -26,7 +26,18 @@ PARAMETER_HISTORY = 256
 
 
 class BaselineNode(ProgressNode):
-    """The method of its namespace's name on an experiment. Raises MabirdsError for a wrong experiment or name."""
+    """The method of its namespace's name on an experiment.
+
+    Parameters
+    ----------
+    **node_options : Any
+        Of ``rclpy.node.Node``.
+
+    Raises
+    ------
+    MabirdsError
+        The experiment or the name is wrong.
+    """
 
     session: BaselineSession
 

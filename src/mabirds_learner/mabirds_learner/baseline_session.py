@@ -10,9 +10,18 @@ from mabirds_learner.progress import SessionState
 
 
 class BaselineSession(SessionState):
-    """One method's side. ``streams``: names of the learners whose demonstrations it pools. ``iterations``: updates.
+    """One method's side.
 
-    ``history``: how many iterations ahead demonstrations are kept.
+    Parameters
+    ----------
+    method : CentralMethod
+        With its settings.
+    streams : Sequence[str]
+        Names of the learners whose demonstrations it pools.
+    iterations : int
+        Updates to make.
+    history : int
+        How many iterations ahead demonstrations are kept.
     """
 
     def __init__(self, method: CentralMethod, streams: Sequence[str], iterations: int, history: int) -> None:
@@ -54,7 +63,22 @@ class BaselineSession(SessionState):
         return not (self.finished or self.waiting_for())
 
     def receive_demonstration(self, stream: str, iteration: int, trajectory: Trajectories) -> None:
-        """Keep zeta(iteration) of a stream. Raises RefusedMessageError where it is old, known, or too far ahead."""
+        """Keep a demonstration.
+
+        Parameters
+        ----------
+        stream : str
+            Of which learner.
+        iteration : int
+            n.
+        trajectory : Trajectories
+            zeta(n).
+
+        Raises
+        ------
+        RefusedMessageError
+            It is old, known, or too far ahead.
+        """
         ahead = min(self._history, self.last + 1 - self.iteration)
         check_iteration(iteration, self.iteration, self._demonstrations[stream], ahead, trajectory)
         self._demonstrations[stream][iteration] = trajectory

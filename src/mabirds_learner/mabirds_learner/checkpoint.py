@@ -35,7 +35,17 @@ LASTING = ("theta", "omega")
 
 @dataclass(frozen=True)
 class CheckpointMetadata:
-    """Whose checkpoints they are: of which learner, in which run of which experiment, with which schedule."""
+    """Whose checkpoints they are.
+
+    Attributes
+    ----------
+    learner : str
+        Its name.
+    experiment_digest : str
+        Of the run.
+    schedule_digest : str
+        Of E(n).
+    """
 
     learner: str
     experiment_digest: str
@@ -47,9 +57,21 @@ Checkpoints = dict[int, dict[str, Array]]
 
 
 class CheckpointStore:
-    """The checkpoints of one learner in a directory of its own; the last ``keep`` iterations stay.
+    """The checkpoints of one learner in a directory of its own.
 
-    Raises CheckpointError where the directory cannot be written, or where another process writes to it.
+    Parameters
+    ----------
+    directory : Path
+        Is made where there is none.
+    metadata : CheckpointMetadata
+        Whose they are.
+    keep : int
+        How many iterations stay, the newest.
+
+    Raises
+    ------
+    CheckpointError
+        The directory cannot be written, or another process writes to it.
     """
 
     def __init__(self, directory: Path, metadata: CheckpointMetadata, keep: int) -> None:
@@ -74,7 +96,20 @@ class CheckpointStore:
         os.close(self._lock)
 
     def save(self, iteration: int, arrays: Mapping[str, Array]) -> None:
-        """Write one checkpoint: whole and on the disk when this returns, or CheckpointError and nothing changed."""
+        """Write one checkpoint, whole and on the disk when this returns.
+
+        Parameters
+        ----------
+        iteration : int
+            n.
+        arrays : Mapping[str, Array]
+            By name.
+
+        Raises
+        ------
+        CheckpointError
+            It cannot be written; nothing is changed.
+        """
         try:
             self._write(iteration, arrays)
             self._trim(iteration - COMPLETE)
@@ -96,7 +131,10 @@ class CheckpointStore:
     def load(self) -> Checkpoints:
         """All sound checkpoints by iteration; ``refused`` then says what is wrong with the others.
 
-        Raises CheckpointError where there are files and none is sound: starting anew would overwrite them.
+        Raises
+        ------
+        CheckpointError
+            There are files and none is sound: starting anew would overwrite them.
         """
         self.refused = []
         checkpoints = dict(sorted(self._sound()))

@@ -21,7 +21,28 @@ def learning_diagnostic(
     *,
     stalled: bool,
 ) -> DiagnosticArray:
-    """The message of node ``name``; ``stalled``: it waits at the same iteration as a period ago."""
+    """Tell how learning stands.
+
+    Parameters
+    ----------
+    name : str
+        Of the node.
+    session : Session
+        With what it waits for.
+    drops : Mapping[str, int]
+        Messages that were not used, by reason.
+    metrics : Mapping[str, float]
+        By name.
+    stamp : Time
+        The present time.
+    stalled : bool
+        It waits at the same iteration as a period ago.
+
+    Returns
+    -------
+    DiagnosticArray
+        With a warning where neighbours keep it waiting, or something came that should not have come.
+    """
     waiting_for = session.waiting_for()
     values = {
         "iteration": session.iteration,

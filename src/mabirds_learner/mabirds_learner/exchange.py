@@ -24,7 +24,15 @@ class Exchange(Protocol):
         ...
 
     def on_presence(self, name: str, *, alive: bool) -> None:
-        """The process of a neighbour is gone, or back."""
+        """The process of a neighbour is gone, or back.
+
+        Parameters
+        ----------
+        name : str
+            Of the neighbour.
+        alive : bool
+            It is back.
+        """
         ...
 
     def on_timer(self) -> None:
@@ -33,7 +41,17 @@ class Exchange(Protocol):
 
 
 class Identity(NamedTuple):
-    """Who a learner is: its name, and the experiment and schedule that its messages belong to."""
+    """Who a learner is, and what its messages belong to.
+
+    Attributes
+    ----------
+    learner_name : str
+        Its name.
+    experiment_digest : str
+        Of the run.
+    schedule : EdgeSchedule
+        E(n).
+    """
 
     learner_name: str
     experiment_digest: str
@@ -58,23 +76,88 @@ class Outlet(Protocol):
     """All that an exchange may do on the network and say to people. Topics of a learner are below its name."""
 
     def publisher(self, message_type: type, topic: str) -> Publish:
-        """Publish on a topic of this learner, with its history for those who come late."""
+        """Publish on a topic of this learner, with its history for those who come late.
+
+        Parameters
+        ----------
+        message_type : type
+            Of the topic.
+        topic : str
+            Below the learner's name.
+
+        Returns
+        -------
+        Publish
+            Sends a message.
+        """
         ...
 
     def subscribe(self, message_type: type, neighbour: str, topic: str, on_message: OnMessage) -> None:
-        """Listen to a topic of a neighbour, and watch whether its process lives."""
+        """Listen to a topic of a neighbour, and watch whether its process lives.
+
+        Parameters
+        ----------
+        message_type : type
+            Of the topic.
+        neighbour : str
+            Its name.
+        topic : str
+            Below the neighbour's name.
+        on_message : OnMessage
+            Called with each.
+        """
         ...
 
     def subscribe_to_all(self, message_type: type, topic: str, on_message: OnMessage, depth: int) -> None:
-        """Listen to a topic that belongs to no learner, and get its last ``depth`` messages."""
+        """Listen to a topic that belongs to no learner.
+
+        Parameters
+        ----------
+        message_type : type
+            Of the topic.
+        topic : str
+            Its name.
+        on_message : OnMessage
+            Called with each.
+        depth : int
+            How many earlier messages are heard, too.
+        """
         ...
 
     def caller(self, service_type: type, neighbour: str, service: str) -> Call:
-        """Call a service of a neighbour."""
+        """Call a service of a neighbour.
+
+        Parameters
+        ----------
+        service_type : type
+            Of the service.
+        neighbour : str
+            Its name.
+        service : str
+            Below the neighbour's name.
+
+        Returns
+        -------
+        Call
+            Sends a request.
+        """
         ...
 
     def timer(self, seconds: float, on_time: Callable[[], None]) -> Timer:
-        """Be called every so many seconds."""
+        """Be called over and over.
+
+        Parameters
+        ----------
+        seconds : float
+            Between two calls.
+        on_time : Callable[[], None]
+            What is called.
+
+        Returns
+        -------
+        Timer
+            Runs already.
+        """
         ...
 
     def stamp(self) -> Time:
@@ -82,9 +165,25 @@ class Outlet(Protocol):
         ...
 
     def set_event(self, words: str, *, log: bool = True) -> None:
-        """Tell people, in the statuses from now on and in the log."""
+        """Tell people, in the statuses from now on.
+
+        Parameters
+        ----------
+        words : str
+            A sentence.
+        log : bool, optional
+            Tell it in the log, too.
+        """
         ...
 
     def reject(self, what: str, error: RefusedMessageError) -> None:
-        """Count a message that is not used, and say why."""
+        """Count a message that is not used, and say why.
+
+        Parameters
+        ----------
+        what : str
+            Which message it is.
+        error : RefusedMessageError
+            Why.
+        """
         ...

@@ -11,11 +11,28 @@ Content = Trajectories | Parameters
 
 
 def check_iteration(iteration: int, current: int, kept: Mapping[int, Any], history: int, content: Content) -> None:
-    """Raise RefusedMessageError unless ``iteration`` is new and in [current, current + history).
+    """Check that a message is to be kept: its iteration is new and in [current, current + history).
 
-    ``kept``: contents by iteration. The first message of an iteration stays; a later one is a harmless
-    ``duplicate`` where its ``content`` is the same to the last bit, and a ``conflict`` where it is not: then somebody
-    else sends in the same name.
+    The first message of an iteration stays. A later one is a harmless ``duplicate`` where its content is the same to
+    the last bit, and a ``conflict`` where it is not: then somebody else sends in the same name.
+
+    Parameters
+    ----------
+    iteration : int
+        Of the message.
+    current : int
+        n.
+    kept : Mapping[int, Any]
+        Contents by iteration.
+    history : int
+        How many iterations ahead are kept.
+    content : Content
+        Of the message.
+
+    Raises
+    ------
+    RefusedMessageError
+        It is not to be kept.
     """
     if iteration < current:
         raise RefusedMessageError("old_iteration", f"iteration {iteration}, expected {current} or later")

@@ -37,7 +37,18 @@ DUPLICATE_NAME = "duplicate_name"
 
 
 class LearnerNode(ProgressNode):
-    """Learner v of an experiment. Raises MabirdsError for a wrong experiment, name or history, or for checkpoints."""
+    """Learner v of an experiment.
+
+    Parameters
+    ----------
+    **node_options : Any
+        Of ``rclpy.node.Node``.
+
+    Raises
+    ------
+    MabirdsError
+        The experiment, the name or the history is wrong, or checkpoints are of no use.
+    """
 
     session: LearnerSession
 

@@ -35,7 +35,12 @@ AMember = TypeVar("AMember", bound=Member)
 class LearnerSession(SessionState, Generic[AMember]):
     """One learner's side of the exchange: its demonstrations, its updates, and its past for those who ask.
 
-    ``mixed_from``: whose parameters entered the newest update.
+    ``mixed_from`` names those whose parameters entered the newest update.
+
+    Parameters
+    ----------
+    member : AMember
+        The learner among its neighbours.
     """
 
     def __init__(self, member: AMember) -> None:
@@ -95,7 +100,20 @@ class LearnerSession(SessionState, Generic[AMember]):
         return not (self.finished or self.waiting_for())
 
     def receive_demonstration(self, iteration: int, trajectory: Trajectories) -> None:
-        """Keep zeta(iteration). Raises RefusedMessageError where it is old, known, or too far ahead."""
+        """Keep a demonstration.
+
+        Parameters
+        ----------
+        iteration : int
+            n.
+        trajectory : Trajectories
+            zeta(n).
+
+        Raises
+        ------
+        RefusedMessageError
+            It is old, known, or too far ahead.
+        """
         ahead = min(self.limits.demonstration_history, self.limits.iterations + 1 - self.iteration)
         check_iteration(iteration, self.iteration, self._demonstrations, ahead, trajectory)
         self._demonstrations[iteration] = trajectory
@@ -138,7 +156,15 @@ class LearnerSession(SessionState, Generic[AMember]):
         return {**to_arrays(self.learner, self.state), **self.member.arrays(), **mixed_from}
 
     def restore(self, checkpoints: Checkpoints) -> None:
-        """Go on from the newest complete one; all answer neighbours. Raises MabirdsError where they do not fit."""
+        """Go on from the newest complete checkpoint; all of them answer neighbours.
+
+        Raises
+        ------
+        CheckpointError
+            None is complete.
+        MabirdsError
+            They do not fit the learner.
+        """
         self._own = {n: parameters_of(self.learner, arrays) for n, arrays in sorted(checkpoints.items())}
         complete = [n for n, arrays in checkpoints.items() if is_complete(arrays)]
         if not complete:

@@ -12,8 +12,16 @@ from mabirds_core.arrays import Array
 class Limits(NamedTuple):
     """How long a learner learns, and how much it keeps.
 
-    ``iterations``: updates to make; ``closing_rounds``: rounds of averaging alone after them.
-    ``demonstration_history``, ``parameter_history``: how many iterations ahead messages are kept.
+    Attributes
+    ----------
+    iterations : int
+        Updates to make.
+    demonstration_history : int
+        How many iterations ahead demonstrations are kept.
+    parameter_history : int
+        How many iterations ahead parameters are kept.
+    closing_rounds : int
+        Rounds of averaging alone after the updates.
     """
 
     iterations: int
@@ -30,7 +38,16 @@ class Limits(NamedTuple):
 class Member(Protocol):
     """A learner among its neighbours: its state, what they have sent, and whom it waits for.
 
-    ``on_join``: called after it has entered a network at an iteration that others had reached.
+    Attributes
+    ----------
+    learner : Learner
+        With its present mixer.
+    state : LearnerState
+        Before update n.
+    epoch : int
+        Of the membership that is followed; 0: there is none.
+    on_join : Callable[[], None]
+        Called after it has entered a network at an iteration that others had reached.
     """
 
     learner: Learner
@@ -74,7 +91,15 @@ class Member(Protocol):
         ...
 
     def restore(self, iteration: int, arrays: Mapping[str, Array]) -> None:
-        """Go on from the arrays of a checkpoint."""
+        """Go on from a checkpoint.
+
+        Parameters
+        ----------
+        iteration : int
+            n.
+        arrays : Mapping[str, Array]
+            By name.
+        """
         ...
 
 
@@ -83,10 +108,36 @@ def nothing() -> None:
 
 
 def indices_of(learners: tuple[str, ...], names: list[str]) -> Array:
-    """Places of names in the list of learners, as checkpoints hold them."""
+    """Places of names in the list of learners, as checkpoints hold them.
+
+    Parameters
+    ----------
+    learners : tuple[str, ...]
+        The list.
+    names : list[str]
+        Some of them.
+
+    Returns
+    -------
+    Array
+        Shape (len(names),).
+    """
     return np.array([learners.index(name) for name in names], dtype=np.float64)
 
 
 def names_at(learners: tuple[str, ...], indices: Array) -> list[str]:
-    """Inverse of ``indices_of``."""
+    """Inverse of ``indices_of``.
+
+    Parameters
+    ----------
+    learners : tuple[str, ...]
+        The list.
+    indices : Array
+        Places in it.
+
+    Returns
+    -------
+    list[str]
+        Names.
+    """
     return [learners[int(u)] for u in indices]

@@ -14,7 +14,17 @@ from mabirds_msgs_py.qos import announced, latched
 
 @dataclass(frozen=True)
 class NodeOutlet:
-    """``history``: messages kept for those who come late. ``presence``: told of every neighbour that is heard."""
+    """The outlet of a node.
+
+    Attributes
+    ----------
+    node : ProgressNode
+        Of the learner.
+    presence : LivelinessMonitor
+        Is told of every neighbour that is heard.
+    history : int
+        Messages kept for those who come late.
+    """
 
     node: ProgressNode
     presence: LivelinessMonitor

@@ -63,7 +63,13 @@ class Session(Protocol):
 
 
 class SessionState(ABC):
-    """Where a session stands, as its state tells. ``last``: the iteration after which nothing is left to do."""
+    """Where a session stands, as its state tells.
+
+    Attributes
+    ----------
+    last : int
+        The iteration after which nothing is left to do.
+    """
 
     last: int
 

@@ -26,9 +26,21 @@ STATUSES_AN_ITERATION = 8
 
 
 class ProgressNode(Node):
-    """A node that learns: its name is its namespace. Raises MabirdsError for a wrong experiment or no namespace.
+    """A node that learns: its name is its namespace.
 
     A subclass creates ``session`` and its inputs, and then calls ``start``.
+
+    Parameters
+    ----------
+    kind : str
+        Of the node: its name, below the namespace.
+    **node_options : Any
+        Of ``rclpy.node.Node``.
+
+    Raises
+    ------
+    MabirdsError
+        The experiment is wrong, or there is no namespace.
     """
 
     session: Session
@@ -55,7 +67,15 @@ class ProgressNode(Node):
         return self.get_parameter(name).value
 
     def start(self, game: ConstrainedMarkovGame, history: int) -> None:
-        """Announce theta(1), omega(1) and the status; ``history``: messages kept for those who come late."""
+        """Announce theta(1), omega(1) and the status.
+
+        Parameters
+        ----------
+        game : ConstrainedMarkovGame
+            Of the experiment.
+        history : int
+            Messages kept for those who come late.
+        """
         self.game = game
         self._metrics = norms(self.session.parameters)
         self._parameter_publisher = self.create_publisher(ParametersMessage, topics.PARAMETERS, announced(history))
@@ -78,7 +98,15 @@ class ProgressNode(Node):
         self.publish_status()
 
     def set_event(self, words: str, *, log: bool = True) -> None:
-        """Tell people, in the statuses from now on and in the log."""
+        """Tell people, in the statuses from now on.
+
+        Parameters
+        ----------
+        words : str
+            A sentence.
+        log : bool, optional
+            Tell it in the log, too.
+        """
         self._event = words
         if log:
             self.get_logger().info(words)
@@ -87,6 +115,13 @@ class ProgressNode(Node):
         """Count a message that is not used, and say why unless that is harmless.
 
         The next regular status tells of it: a flood of such messages must not become a flood of statuses.
+
+        Parameters
+        ----------
+        what : str
+            Which message it is.
+        error : RefusedMessageError
+            Why.
         """
         if error.reason in HARMLESS:
             self._drops[error.reason] += 1
@@ -94,7 +129,15 @@ class ProgressNode(Node):
             self.count_drop(error.reason, f"dropped {what}: {error}")
 
     def count_drop(self, reason: str, words: str) -> None:
-        """Count under ``reason``; into the log only once, so that nobody can flood it."""
+        """Count a message that is not used; into the log only once for each reason, so that nobody can flood it.
+
+        Parameters
+        ----------
+        reason : str
+            A short name to count by.
+        words : str
+            For people.
+        """
         self._drops[reason] += 1
         self._event = words
         if self._drops[reason] == 1:
@@ -139,13 +182,34 @@ class ProgressNode(Node):
         return time_message(self._now())
 
     def parameters_message(self, iteration: int, parameters: Parameters) -> ParametersMessage:
-        """theta(iteration), omega(iteration) as a message of this node."""
+        """Write parameters of this node.
+
+        Parameters
+        ----------
+        iteration : int
+            n.
+        parameters : Parameters
+            theta(n), omega(n).
+
+        Returns
+        -------
+        ParametersMessage
+            Stamped with the present time.
+        """
         return parameters_message(
             self.learner_name, iteration, parameters, self.experiment_digest, self.schedule.digest, self._now()
         )
 
     def publish_parameters(self, iteration: int, parameters: Parameters) -> None:
-        """Tell everybody who listens theta(iteration), omega(iteration)."""
+        """Tell everybody who listens.
+
+        Parameters
+        ----------
+        iteration : int
+            n.
+        parameters : Parameters
+            theta(n), omega(n).
+        """
         self._parameter_publisher.publish(self.parameters_message(iteration, parameters))
 
     def publish_status(self) -> None:

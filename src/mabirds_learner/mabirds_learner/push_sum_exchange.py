@@ -19,8 +19,20 @@ MEMBERSHIP_HISTORY = 16
 class PushSumExchange:
     """What a learner tells its neighbours and hears of them in resilient mode.
 
-    ``patience``: seconds for which late neighbours are waited for. ``on_change``: called when something has arrived.
-    ``save``: called before neighbours hear of a new beginning.
+    Parameters
+    ----------
+    session : LearnerSession[PushSumMember]
+        Of the learner.
+    identity : Identity
+        Of the learner.
+    outlet : Outlet
+        To the network.
+    on_change : Callable[[], None]
+        Called when something has arrived.
+    patience : float
+        Seconds for which late neighbours are waited for.
+    save : Callable[[], None]
+        Called before neighbours hear of a new beginning.
     """
 
     def __init__(

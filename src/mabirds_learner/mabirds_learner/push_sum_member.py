@@ -39,9 +39,21 @@ Inbox = defaultdict[str, dict[int, RunningSum]]
 
 
 class PushSumMember:
-    """One learner's side of the resilient exchange. ``late_joiner``: it takes part once a declaration names it.
+    """One learner's side of the resilient exchange.
 
-    Raises ExperimentError for a learner that does not mix by push-sum.
+    Parameters
+    ----------
+    learner : Learner
+        With a resilient mixer.
+    limits : Limits
+        What it keeps.
+    late_joiner : bool, optional
+        It takes part once a declaration names it.
+
+    Raises
+    ------
+    ExperimentError
+        The learner does not mix by push-sum.
     """
 
     def __init__(self, learner: Learner, limits: Limits, *, late_joiner: bool = False) -> None:
@@ -107,7 +119,15 @@ class PushSumMember:
             self._not_waited_for = (self.epoch, self.state.iteration)
 
     def set_alive(self, name: str, *, alive: bool) -> None:
-        """Wait for ``name`` again, or no longer."""
+        """Wait for a neighbour again, or no longer.
+
+        Parameters
+        ----------
+        name : str
+            Of the neighbour.
+        alive : bool
+            Its process is back.
+        """
         (self._gone.discard if alive else self._gone.add)(name)
 
     def outgoing(self) -> dict[str, RunningSum]:
@@ -120,9 +140,23 @@ class PushSumMember:
         return {**dict.fromkeys(receivers, nothing), **self._mixer.outgoing(self.push_sum, n)}
 
     def receive_mass(self, sender: str, epoch: int, iteration: int, total: RunningSum) -> None:
-        """Keep what ``sender`` has sent up to an iteration of this epoch, or of one that is not declared here yet.
+        """Keep what a neighbour has sent up to an iteration.
 
-        Raises RefusedMessageError where it is of an earlier epoch, contained in what is known, or out of all reach.
+        Parameters
+        ----------
+        sender : str
+            The neighbour.
+        epoch : int
+            This one, or one that is not declared here yet.
+        iteration : int
+            n.
+        total : RunningSum
+            sigma(n).
+
+        Raises
+        ------
+        RefusedMessageError
+            It is of an earlier epoch, contained in what is known, or out of all reach.
         """
         self._require_news(sender, epoch, iteration)
         masses = self._inboxes[epoch][sender]
@@ -170,7 +204,20 @@ class PushSumMember:
                 del masses[n]
 
     def follow(self, epoch: int, members: Sequence[str]) -> None:
-        """Begin an epoch; raises RefusedMessageError where it is not new, or its members cannot learn together."""
+        """Begin an epoch.
+
+        Parameters
+        ----------
+        epoch : int
+            Its number.
+        members : Sequence[str]
+            Names.
+
+        Raises
+        ------
+        RefusedMessageError
+            It is not new, or its members cannot learn together.
+        """
         schedule = self._declared(epoch, members)
         self.joining = not self.is_member
         self.epoch, self.members, self._received_at = epoch, schedule.learners, {}

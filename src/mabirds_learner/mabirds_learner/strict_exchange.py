@@ -19,7 +19,16 @@ from mabirds_msgs_py.conversion import read_parameters
 class StrictExchange:
     """What a learner hears of its neighbours in strict mode. What it tells them is its parameters topic.
 
-    ``on_change``: called when something has arrived.
+    Parameters
+    ----------
+    session : LearnerSession[StrictMember]
+        Of the learner.
+    identity : Identity
+        Of the learner.
+    outlet : Outlet
+        To the network.
+    on_change : Callable[[], None]
+        Called when something has arrived.
     """
 
     def __init__(

@@ -21,7 +21,17 @@ from mabirds_learner.member import Limits, nothing
 class StrictMember:
     """One learner's side of the strict exchange.
 
-    Raises ScheduleError where the schedule lets neighbours run further ahead than ``parameter_history``.
+    Parameters
+    ----------
+    learner : Learner
+        With a strict mixer.
+    limits : Limits
+        What it keeps.
+
+    Raises
+    ------
+    ScheduleError
+        The schedule lets neighbours run further ahead than ``limits.parameter_history``.
     """
 
     epoch = 0
@@ -57,9 +67,21 @@ class StrictMember:
         return mixer.schedule.senders_to(mixer.name, iteration)
 
     def receive_parameters(self, sender: str, iteration: int, parameters: Parameters) -> None:
-        """Keep a neighbour's theta, omega of an iteration at which its edge is open; others are of no use.
+        """Keep parameters of an iteration at which the sender's edge is open; others are of no use.
 
-        Raises RefusedMessageError where they are old, known, or too far ahead.
+        Parameters
+        ----------
+        sender : str
+            A neighbour.
+        iteration : int
+            n.
+        parameters : Parameters
+            theta(n), omega(n) of the neighbour.
+
+        Raises
+        ------
+        RefusedMessageError
+            They are old, known, or too far ahead.
         """
         if iteration >= 1 and sender not in self._scheduled(iteration):
             return

@@ -68,8 +68,23 @@ class DemonstrationBag:
     """The demonstrations of several learners in one bag.
 
     Opening reads everything once: checksums, types, iteration numbers 1, 2, ... without a gap, and every
-    transition against the game. Raises BagError naming file, topic and iteration; also where a learner has fewer
-    demonstrations than ``at_least``. To be closed, or used in a ``with`` statement.
+    transition against the game. To be closed, or used in a ``with`` statement.
+
+    Parameters
+    ----------
+    directory : Path
+        Of the bag.
+    game : ConstrainedMarkovGame
+        Of the demonstrations.
+    learners : Sequence[str]
+        Names of those whose demonstrations are read.
+    at_least : int, optional
+        Demonstrations that each of them must have.
+
+    Raises
+    ------
+    BagError
+        Something is wrong, or demonstrations are too few; the message names file, topic and iteration.
     """
 
     def __init__(
@@ -96,11 +111,42 @@ class DemonstrationBag:
         return len(self._places[learner])
 
     def time(self, learner: str, iteration: int) -> int:
-        """When demonstration ``iteration`` (from 1) was recorded, in nanoseconds."""
+        """When a demonstration was recorded.
+
+        Parameters
+        ----------
+        learner : str
+            Its name.
+        iteration : int
+            Of the demonstration, from 1 on.
+
+        Returns
+        -------
+        int
+            Nanoseconds since the epoch.
+        """
         return self._places[learner][iteration - 1].time
 
     def message(self, learner: str, iteration: int) -> Demonstration:
-        """Demonstration ``iteration`` (from 1), read through the file's index."""
+        """Read a demonstration through the file's index.
+
+        Parameters
+        ----------
+        learner : str
+            Its name.
+        iteration : int
+            Of the demonstration, from 1 on.
+
+        Returns
+        -------
+        Demonstration
+            As recorded.
+
+        Raises
+        ------
+        BagError
+            It has gone since the bag was opened.
+        """
         place = self._places[learner][iteration - 1]
         for message, _ in self._messages(place.file, bag_topic(learner), place.time):
             if message.iteration == iteration:

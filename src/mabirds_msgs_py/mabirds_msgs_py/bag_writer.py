@@ -39,9 +39,19 @@ class _PlainDumper(yaml.SafeDumper):
 
 
 class BagWriter:
-    """One bag, as a context manager. ``write`` takes messages of any ROS type.
+    """One bag, as a context manager.
 
-    ``keep``: finish the bag after an error too, instead of removing it. Raises BagError where the directory exists.
+    Parameters
+    ----------
+    directory : Path
+        Is made.
+    keep : bool, optional
+        Finish the bag after an error too, instead of removing it.
+
+    Raises
+    ------
+    BagError
+        The directory exists.
     """
 
     def __init__(self, directory: Path, *, keep: bool = False) -> None:
@@ -72,7 +82,17 @@ class BagWriter:
             shutil.rmtree(self._directory)
 
     def write(self, topic: str, message: Any, time: int) -> None:
-        """Append ``message`` at ``time`` (nanoseconds since the epoch)."""
+        """Append a message.
+
+        Parameters
+        ----------
+        topic : str
+            Of the message.
+        message : Any
+            Of any ROS type.
+        time : int
+            Nanoseconds since the epoch.
+        """
         if topic not in self._channels:
             self._channels[topic] = (self._register(topic, type(message)), type(message))
         channel = self._channels[topic][0]

@@ -44,7 +44,26 @@ def floats(values: NDArray[np.float64]) -> array:
 def demonstration_message(
     game: ConstrainedMarkovGame, learner: str, iteration: int, trajectory: Trajectories, stamp: int
 ) -> Demonstration:
-    """zeta(iteration) of ``learner``, demonstrated at ``stamp`` (nanoseconds)."""
+    """Write a demonstration.
+
+    Parameters
+    ----------
+    game : ConstrainedMarkovGame
+        Of the trajectory.
+    learner : str
+        For whom it is.
+    iteration : int
+        n.
+    trajectory : Trajectories
+        zeta(n), one trajectory.
+    stamp : int
+        When it was demonstrated, in nanoseconds.
+
+    Returns
+    -------
+    Demonstration
+        It names no network.
+    """
     states, actions = game.encode(trajectory)
     message = Demonstration(learner=learner, iteration=iteration, game_digest=game.digest)
     message.header.stamp = time_message(stamp)
@@ -57,9 +76,28 @@ def demonstration_message(
 def read_demonstration(
     game: ConstrainedMarkovGame, learner: str, message: Demonstration, experiment_digest: str = ""
 ) -> Trajectories:
-    """The trajectory in a message meant for ``learner``; raises RefusedMessageError for all others.
+    """Read a demonstration.
 
-    A message that names a network must name this one.
+    Parameters
+    ----------
+    game : ConstrainedMarkovGame
+        Of the trajectory.
+    learner : str
+        For whom it must be.
+    message : Demonstration
+        As it came.
+    experiment_digest : str, optional
+        Of the run; a message that names a network must name this one.
+
+    Returns
+    -------
+    Trajectories
+        One trajectory.
+
+    Raises
+    ------
+    RefusedMessageError
+        It is for another learner, network or game, or is no trajectory of this one.
     """
     _require("wrong_learner", "learner", message.learner, learner)
     if message.experiment_digest:
@@ -82,7 +120,28 @@ def read_demonstration(
 def parameters_message(
     learner: str, iteration: int, parameters: Parameters, experiment_digest: str, schedule_digest: str, stamp: int
 ) -> ParametersMessage:
-    """theta(iteration), omega(iteration) of ``learner``."""
+    """Write parameters.
+
+    Parameters
+    ----------
+    learner : str
+        Whose they are.
+    iteration : int
+        n.
+    parameters : Parameters
+        theta(n), omega(n).
+    experiment_digest : str
+        Of the run.
+    schedule_digest : str
+        Of E(n).
+    stamp : int
+        The present time, in nanoseconds.
+
+    Returns
+    -------
+    ParametersMessage
+        For everybody who listens.
+    """
     return ParametersMessage(
         stamp=time_message(stamp),
         learner=learner,
@@ -97,7 +156,31 @@ def parameters_message(
 def read_parameters(
     message: ParametersMessage, learner: str, experiment_digest: str, schedule_digest: str, like: Parameters
 ) -> Parameters:
-    """theta and omega of a message from ``learner``, of the shapes of ``like``; raises RefusedMessageError."""
+    """Read parameters.
+
+    Parameters
+    ----------
+    message : ParametersMessage
+        As it came.
+    learner : str
+        From whom it must be.
+    experiment_digest : str
+        Of the run.
+    schedule_digest : str
+        Of E(n).
+    like : Parameters
+        Parameters of the shapes that they must have.
+
+    Returns
+    -------
+    parameters : Parameters
+        theta and omega.
+
+    Raises
+    ------
+    RefusedMessageError
+        It is not from this learner in this network, of other shapes, or its numbers are no parameters.
+    """
     require_sender(message, learner, experiment_digest, schedule_digest)
     for name, size in (("theta", like.theta.size), ("omega", like.omega.size)):
         if len(getattr(message, name)) != size:
@@ -106,16 +189,36 @@ def read_parameters(
 
 
 def require_sender(message: Any, learner: str, experiment_digest: str, schedule_digest: str) -> None:
-    """Raise RefusedMessageError unless parameters or a status are from ``learner`` and of this network."""
+    """Check that parameters or a status are from a learner of this network.
+
+    Parameters
+    ----------
+    message : Any
+        As it came.
+    learner : str
+        From whom it must be.
+    experiment_digest : str
+        Of the run.
+    schedule_digest : str
+        Of E(n).
+
+    Raises
+    ------
+    RefusedMessageError
+        It is from somebody else.
+    """
     _require("wrong_learner", "learner", message.learner, learner)
     _require("wrong_experiment", "experiment digest", message.experiment_digest, experiment_digest)
     _require("wrong_schedule", "schedule digest", message.schedule_digest, schedule_digest)
 
 
 def arrays(message: ParametersMessage) -> Parameters:
-    """theta and omega of any sender and of any shapes: for showing. Raises RefusedMessageError for what is no number.
+    """theta and omega of any sender and of any shapes: for showing.
 
-    A learner's own parameters never exceed MAX_PARAMETER, and no more do means of such.
+    Raises
+    ------
+    RefusedMessageError
+        Numbers are not finite or above MAX_PARAMETER, which neither parameters nor means of such exceed.
     """
     return Parameters(_vector("theta", message.theta), _vector("omega", message.omega))
 
@@ -148,7 +251,13 @@ def schedule_message(schedule: EdgeSchedule) -> EdgeScheduleMessage:
 
 
 def read_schedule(message: EdgeScheduleMessage) -> EdgeSchedule:
-    """The schedule in a message, which its digest must confirm; raises RefusedMessageError where it does not."""
+    """The schedule in a message.
+
+    Raises
+    ------
+    RefusedMessageError
+        It is no schedule, or its digest does not confirm it.
+    """
     if not len(message.edge_slot) == len(message.sender) == len(message.receiver):
         raise RefusedMessageError("wrong_shape", "edge_slot, sender and receiver: expected one number per edge in each")
     if message.edge_slot and max(message.edge_slot) >= message.slots:

@@ -15,7 +15,28 @@ DEPTH = 10
 def diagnostic_message(
     name: str, what: str, sentence: str, values: Mapping[str, object], stamp: Time, *, warning: bool
 ) -> DiagnosticArray:
-    """The message of node ``name`` about ``what`` it does, with a warning where it needs somebody to look."""
+    """Tell what a node does.
+
+    Parameters
+    ----------
+    name : str
+        Of the node.
+    what : str
+        It does.
+    sentence : str
+        How it stands with that.
+    values : Mapping[str, object]
+        By name, for people.
+    stamp : Time
+        The present time.
+    warning : bool
+        Somebody needs to look.
+
+    Returns
+    -------
+    DiagnosticArray
+        With one status.
+    """
     status = DiagnosticStatus(
         level=DiagnosticStatus.WARN if warning else DiagnosticStatus.OK,
         name=f"{name}: {what}",

@@ -16,7 +16,26 @@ MAX_SUM = 1e20
 
 
 def mass_message(learner: str, receiver: str, epoch: int, iteration: int, total: RunningSum) -> Mass:
-    """All that ``learner`` sent to ``receiver`` up to ``iteration``; stamp and digests are the sender's to fill in."""
+    """All that a learner sent to another up to an iteration.
+
+    Parameters
+    ----------
+    learner : str
+        Who sends.
+    receiver : str
+        To whom.
+    epoch : int
+        Of the membership.
+    iteration : int
+        n.
+    total : RunningSum
+        sigma(n).
+
+    Returns
+    -------
+    Mass
+        Stamp and digests are the sender's to fill in.
+    """
     return Mass(
         learner=learner,
         receiver=receiver,
@@ -30,7 +49,33 @@ def mass_message(learner: str, receiver: str, epoch: int, iteration: int, total:
 def read_mass(
     message: Mass, learner: str, receiver: str, experiment_digest: str, schedule_digest: str, size: int
 ) -> RunningSum:
-    """The running sum in a message from ``learner`` to ``receiver``; raises RefusedMessageError for all others."""
+    """Read a message of mass.
+
+    Parameters
+    ----------
+    message : Mass
+        As it came.
+    learner : str
+        From whom it must be.
+    receiver : str
+        For whom.
+    experiment_digest : str
+        Of the run.
+    schedule_digest : str
+        Of E(n).
+    size : int
+        K_theta + K_omega + 1.
+
+    Returns
+    -------
+    RunningSum
+        sigma.
+
+    Raises
+    ------
+    RefusedMessageError
+        It is not from this learner to this receiver in this network, or its numbers cannot be a sum.
+    """
     for reason, what, given, expected in (
         ("wrong_learner", "learner", message.learner, learner),
         ("wrong_learner", "receiver", message.receiver, receiver),
@@ -54,12 +99,45 @@ def _numbers(name: str, values: array, size: int) -> Vector:
 
 
 def membership_message(experiment_digest: str, epoch: int, members: list[str]) -> Membership:
-    """A declaration; the stamp is the sender's to fill in."""
+    """Declare who takes part.
+
+    Parameters
+    ----------
+    experiment_digest : str
+        Of the run.
+    epoch : int
+        Counts the declarations.
+    members : list[str]
+        Names.
+
+    Returns
+    -------
+    Membership
+        The stamp is the sender's to fill in.
+    """
     return Membership(experiment_digest=experiment_digest, epoch=epoch, members=members)
 
 
 def read_membership(message: Membership, experiment_digest: str) -> list[str]:
-    """The members of a declaration for this network; raises RefusedMessageError for all others."""
+    """Read a declaration of who takes part.
+
+    Parameters
+    ----------
+    message : Membership
+        As it came.
+    experiment_digest : str
+        Of the run.
+
+    Returns
+    -------
+    list[str]
+        The members' names.
+
+    Raises
+    ------
+    RefusedMessageError
+        It is for another network.
+    """
     if message.experiment_digest != experiment_digest:
         raise RefusedMessageError(
             "wrong_experiment",

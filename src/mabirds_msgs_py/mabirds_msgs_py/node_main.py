@@ -30,10 +30,23 @@ IDLE_WAKE_UP = 1.0
 
 
 def run_node(create: Callable[[], Node], help_text: str, arguments: Sequence[str] | None = None) -> int:
-    """Create one node and spin it until SIGINT, SIGTERM or its attribute ``done``; returns the exit code.
+    """Create one node and spin it until SIGINT, SIGTERM or its attribute ``done``.
 
-    ``--help`` prints ``help_text``. Bad input, and security that was asked for and is not enforced, is one line on
-    standard error and exit code 2, never a traceback.
+    Bad input, and security that was asked for and is not enforced, is one line on standard error, never a traceback.
+
+    Parameters
+    ----------
+    create : Callable[[], Node]
+        The node, once ROS is started.
+    help_text : str
+        What ``--help`` prints.
+    arguments : Sequence[str], optional
+        Of the command line; default: those of the process.
+
+    Returns
+    -------
+    int
+        The exit code: 2 for bad input.
     """
     given = sys.argv[1:] if arguments is None else list(arguments)
     if "--help" in given or "-h" in given:

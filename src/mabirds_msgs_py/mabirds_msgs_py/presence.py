@@ -13,7 +13,10 @@ from mabirds_msgs_py.qos import LIVELINESS_LEASE
 class LivelinessMonitor:
     """Counts the living publishers of each name.
 
-    ``on_change``: called with a name whose publishers have all gone, or of which the first has come back.
+    Parameters
+    ----------
+    on_change : Callable[[str], None], optional
+        Called with a name whose publishers have all gone, or of which the first has come back.
     """
 
     def __init__(self, on_change: Callable[[str], None] = lambda _: None) -> None:

@@ -8,7 +8,7 @@ LIVELINESS_LEASE = 3.0
 
 
 def latched(depth: int) -> QoSProfile:
-    """Reliable, transient local, keep last ``depth``: a late joiner gets what it missed, up to ``depth``."""
+    """Reliable, transient local, keep last: a late joiner gets what it missed, up to ``depth`` messages."""
     return QoSProfile(
         reliability=ReliabilityPolicy.RELIABLE,
         durability=DurabilityPolicy.TRANSIENT_LOCAL,

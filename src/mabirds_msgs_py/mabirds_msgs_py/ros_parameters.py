@@ -16,7 +16,13 @@ def declare_experiment(node: Node) -> None:
 
 
 def experiment_of(node: Node) -> tuple[Experiment, str]:
-    """The experiment of a node and the digest of its run; raises ExperimentError where none can be read."""
+    """The experiment of a node and the digest of its run.
+
+    Raises
+    ------
+    ExperimentError
+        None can be read.
+    """
     file = node.get_parameter("experiment").value
     if not file:
         raise ExperimentError("the parameter experiment is not set; give -p experiment:=FILE")
@@ -35,12 +41,46 @@ def bool_param(description: str) -> ParameterDescriptor:
 
 
 def int_param(description: str, lowest: int, highest: int, *, fixed: bool = True) -> ParameterDescriptor:
-    """An integer in [lowest, highest]."""
+    """Describe an integer.
+
+    Parameters
+    ----------
+    description : str
+        For people.
+    lowest : int
+        It may be.
+    highest : int
+        It may be.
+    fixed : bool, optional
+        At start; else it may change while the node runs.
+
+    Returns
+    -------
+    ParameterDescriptor
+        With this range.
+    """
     limits = IntegerRange(from_value=lowest, to_value=highest, step=1)
     return ParameterDescriptor(description=description, integer_range=[limits], read_only=fixed)
 
 
 def float_param(description: str, lowest: float, highest: float, *, fixed: bool = True) -> ParameterDescriptor:
-    """A floating-point number in [lowest, highest]."""
+    """Describe a floating-point number.
+
+    Parameters
+    ----------
+    description : str
+        For people.
+    lowest : float
+        It may be.
+    highest : float
+        It may be.
+    fixed : bool, optional
+        At start; else it may change while the node runs.
+
+    Returns
+    -------
+    ParameterDescriptor
+        With this range.
+    """
     limits = FloatingPointRange(from_value=lowest, to_value=highest)
     return ParameterDescriptor(description=description, floating_point_range=[limits], read_only=fixed)

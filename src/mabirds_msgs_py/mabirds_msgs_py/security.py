@@ -58,9 +58,19 @@ class SecurityError(MabirdsError):
 
 
 def start_ros(arguments: Sequence[str], **options: Any) -> None:
-    """``rclpy.init``, and the proof that security is enforced where it was asked for.
+    """Start ROS, and prove that security is enforced where it was asked for.
 
-    Raises SecurityError where it is not; ROS is shut down then.
+    Parameters
+    ----------
+    arguments : Sequence[str]
+        Of the command line.
+    **options : Any
+        Of ``rclpy.init``.
+
+    Raises
+    ------
+    SecurityError
+        It is not; ROS is shut down then.
     """
     secured = is_requested(arguments)
     if secured:
@@ -75,8 +85,27 @@ def start_ros(arguments: Sequence[str], **options: Any) -> None:
 
 
 def enclave_arguments(enclave: str, environment: Mapping[str, str] = os.environ) -> list[str]:
-    """ROS arguments that put a process into its enclave; none where security is off.
+    """ROS arguments that put a process into its enclave.
 
+    Parameters
+    ----------
+    enclave : str
+        Its name.
+    environment : Mapping[str, str], optional
+        Of the process.
+
+    Returns
+    -------
+    list[str]
+        None where security is off.
+
+    Raises
+    ------
+    SecurityError
+        As of ``is_requested``.
+
+    Examples
+    --------
     >>> enclave_arguments("/learner_1", {"ROS_SECURITY_ENABLE": "true"}), enclave_arguments("/learner_1", {})
     (['--enclave', '/learner_1'], [])
     """
@@ -84,10 +113,27 @@ def enclave_arguments(enclave: str, environment: Mapping[str, str] = os.environ)
 
 
 def is_requested(arguments: Sequence[str], environment: Mapping[str, str] = os.environ) -> bool:
-    """Is security asked for? Raises SecurityError where it seems so, but ROS would go on without.
+    """Is security asked for?
 
-    Asking is: any of ROS's security variables, or an enclave among the ``arguments``. ROS_SECURITY_ENABLE=false
+    Asking is: any of ROS's security variables, or an enclave among the arguments. ROS_SECURITY_ENABLE=false
     takes it back.
+
+    Parameters
+    ----------
+    arguments : Sequence[str]
+        Of the command line.
+    environment : Mapping[str, str], optional
+        Of the process.
+
+    Returns
+    -------
+    bool
+        Whether it is.
+
+    Raises
+    ------
+    SecurityError
+        It seems so, but ROS would go on without.
     """
     enable = environment.get(ENABLE, "")
     if enable in {"true", "false"}:
@@ -107,7 +153,20 @@ def is_requested(arguments: Sequence[str], environment: Mapping[str, str] = os.e
 
 
 def check_settings(arguments: Sequence[str], environment: Mapping[str, str] = os.environ) -> None:
-    """Raise SecurityError unless ROS will insist on security, with a complete enclave and a strict governance."""
+    """Check that ROS will insist on security, with a complete enclave and a strict governance.
+
+    Parameters
+    ----------
+    arguments : Sequence[str]
+        Of the command line.
+    environment : Mapping[str, str], optional
+        Of the process.
+
+    Raises
+    ------
+    SecurityError
+        It will not.
+    """
     strategy, keystore = environment.get(STRATEGY, ""), environment.get(KEYSTORE, "")
     if strategy != "Enforce":
         raise SecurityError(
@@ -128,6 +187,20 @@ def check_settings(arguments: Sequence[str], environment: Mapping[str, str] = os
 def enclave_of(arguments: Sequence[str], environment: Mapping[str, str] = os.environ) -> str:
     """The enclave that ROS will choose.
 
+    Parameters
+    ----------
+    arguments : Sequence[str]
+        Of the command line.
+    environment : Mapping[str, str], optional
+        Of the process.
+
+    Returns
+    -------
+    str
+        Its name.
+
+    Examples
+    --------
     >>> enclave_of(["--ros-args", "--enclave", "/learner_1"], {}), enclave_of([], {})
     ('/learner_1', '/')
     """
@@ -136,9 +209,14 @@ def enclave_of(arguments: Sequence[str], environment: Mapping[str, str] = os.env
 
 
 def check_governance(file: Path) -> None:
-    """Raise SecurityError where a rule lets somebody in, or leaves something open, that must not be.
+    """Check that no rule lets somebody in, or leaves something open, that must not be.
 
     The signature is the middleware's to check, and it does so when it reads the same file.
+
+    Raises
+    ------
+    SecurityError
+        A rule does, or the file is no governance file.
     """
     message = email.message_from_bytes(file.read_bytes())
     document = next((part for part in message.walk() if part.get_content_type() == "text/plain"), message)
@@ -153,10 +231,20 @@ def check_governance(file: Path) -> None:
 
 
 def prove_enforcement(context: Context | None = None) -> None:
-    """Raise SecurityError unless the middleware refuses what no permissions allow.
+    """Check that the middleware refuses what no permissions allow.
 
     A node is made that publishes what every node publishes, and then one publisher more of the same type. If that one
-    is refused, the middleware has read permissions and enforces them. ``context``: the global one, if None.
+    is refused, the middleware has read permissions and enforces them.
+
+    Parameters
+    ----------
+    context : Context, optional
+        Default: the global one.
+
+    Raises
+    ------
+    SecurityError
+        It is not refused, or the middleware cannot start with security.
     """
     middleware = get_rmw_implementation_identifier()
     try:

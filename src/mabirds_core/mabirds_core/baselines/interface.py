@@ -50,7 +50,7 @@ class CentralState(NamedTuple):
         What the method keeps of the demonstrations, each set with one row per stream.
     rule : RuleState
         What its step rule remembers.
-    policy : Policy, optional
+    policy : Policy or None
         The last one, from which the planner starts next.
     work : Cost
         All work since the beginning.

@@ -118,11 +118,11 @@ class RbfGrid:
 
     Parameters
     ----------
-    arena
+    arena : tuple[float, float]
         Width and depth [m].
-    counts
+    counts : tuple[int, int]
         X and Y.
-    width
+    width : float
         Of the RBFs [m].
     """
 

@@ -75,9 +75,9 @@ class PathPlanner:
 
     Parameters
     ----------
-    game
+    game : DroneGame
         With the obstacles and tasks.
-    margin
+    margin : float
         What is left to each obstacle at the least [m].
     """
 

@@ -25,7 +25,13 @@ TOLERANCE = 1e-6
 
 
 class DroneGame:
-    """The game of ``settings``: N_E drones of D numbers each, joint states (..., N_E D), joint actions (..., 2 N_E)."""
+    """N_E drones of D numbers each: joint states (..., N_E D), joint actions (..., 2 N_E).
+
+    Parameters
+    ----------
+    settings : DroneSettings
+        Of the game.
+    """
 
     def __init__(self, settings: DroneSettings) -> None:
         self.settings = settings

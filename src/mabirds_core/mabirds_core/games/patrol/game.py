@@ -25,10 +25,15 @@ from mabirds_core.games.tabular.game import EnumerableGame
 
 
 class PatrolGame(EnumerableGame):
-    """The tabular game of ``settings``: n cells, S = n^N_E joint states, A = 4^N_E joint actions.
+    """A tabular game: n cells, S = n^N_E joint states, A = 4^N_E joint actions.
 
     A joint state is the mixed-radix number of the experts' cells (expert 1 most significant), a cell the index
     row * width + column; joint actions likewise.
+
+    Parameters
+    ----------
+    settings : PatrolSettings
+        Of the game.
     """
 
     def __init__(self, settings: PatrolSettings) -> None:
