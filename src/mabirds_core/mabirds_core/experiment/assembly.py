@@ -80,10 +80,24 @@ def build_learner(experiment: Experiment, name: str, game: Game | None = None) -
 
 
 def build_memory(experiment: Experiment, game: Game, reward: RewardModel) -> Memory:
-    """What a learner keeps of its demonstrations, empty.
+    """Build what a learner keeps of its demonstrations.
 
     The mean of all needs the demonstrations themselves where a reward's gradient is more than feature counts; then the
     newest MAX_WINDOW are kept.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        With ``algorithm.window``.
+    game : Game
+        Of the experiment.
+    reward : RewardModel
+        r_theta.
+
+    Returns
+    -------
+    Memory
+        Empty.
     """
     window = experiment.algorithm.window
     if window != "all":
