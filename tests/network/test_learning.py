@@ -10,12 +10,13 @@ from mabirds_msgs.msg import LearnerStatus
 from rclpy.context import Context
 from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
 
-from mabirds_bringup.commands.simulate import simulate_from_bag
+from mabirds_bringup.commands.simulate import demonstrations_of, simulate_from_bag, simulate_with_progress
 from mabirds_bringup.evaluate.evaluation import evaluate
 from mabirds_bringup.evaluate.results import audit
 from mabirds_bringup.run.network import PLAYER, Network
 from mabirds_bringup.watch.monitor import MonitorNode
 from mabirds_core.experiment.file import load_experiment
+from mabirds_core.metrics.curves import late_minimum
 from mabirds_msgs_py.bag_writer import BagWriter
 from mabirds_msgs_py.qos import latched
 
@@ -59,9 +60,10 @@ def test_patrol_as_processes_equals_the_reference(tmp_path: Path, rate: float, r
     order = [*experiment.learners, PLAYER][:: -1 if reverse else 1]
     (tmp_path / "logs").mkdir()
     history, delivered, _ = Network(experiment, PATROL, tmp_path, {"rate": rate}, order).run()
-    found = audit(experiment.edge_schedule, delivered, experiment.iterations)
-    assert found == {"iterations": experiment.iterations, "edge_mismatches": [], "connectivity_window": 2}
-    assert len(history["learner_1"]) == experiment.iterations + 1
+    rounds = experiment.iterations + experiment.closing_rounds
+    found = audit(experiment.edge_schedule, delivered, rounds)
+    assert found == {"iterations": rounds, "edge_mismatches": [], "connectivity_window": 2}
+    assert len(history["learner_1"]) == rounds + 1
     assert_same_histories(history, simulate_from_bag(experiment))
 
 
@@ -85,15 +87,21 @@ def test_drones_as_processes_equal_the_reference(
 
 
 def test_the_shipped_experiment_reaches_its_bar() -> None:
-    """What the README shows: both learners imitate safely after 40 demonstrations each, and miss no constraint."""
+    """What the README shows: behaviour as the experts', no false constraint, one answer."""
     experiment = load_experiment(PATROL)
-    evaluation = evaluate(experiment, simulate_from_bag(experiment))
+    streams = demonstrations_of(experiment)
+    evaluation = evaluate(experiment, simulate_with_progress(experiment, streams, None), streams)
     for name in experiment.learners:
-        final = evaluation.final(name)
-        assert final.iteration - 1 == 40
-        assert final.success_rate >= 0.96
-        assert final.violation_rate <= 0.04
-        assert final.false_negative_rate == 0.0
+        success = [row.success_rate for row in evaluation.of(name)]
+        assert len(success) == 40 + experiment.closing_rounds + 1
+        assert success[-1] >= 0.99
+        assert evaluation.of(name)[-1].violation_rate <= 0.01
+        assert late_minimum(success) >= 0.98
+        assert evaluation.occupancy_distance[name] <= 0.1
+        constraints = evaluation.constraints[name]
+        assert constraints.errors.false_discovery_rate == 0.0
+        assert constraints.learned[-2:].all()  # sharing and swapping
+    assert evaluation.consensus_policy <= 0.05
 
 
 def test_two_runs_in_one_domain_do_not_mix(make_experiment: Callable[..., Path], nodes: Any) -> None:

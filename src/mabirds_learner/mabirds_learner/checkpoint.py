@@ -119,7 +119,7 @@ class CheckpointStore:
 
     def _write(self, iteration: int, arrays: Mapping[str, Array]) -> None:
         contiguous = {name: np.ascontiguousarray(values) for name, values in arrays.items()}
-        _write_durably(self._file(iteration), save(contiguous, self._metadata(iteration, arrays)))
+        _write_durably(self._file(iteration), save(contiguous, self._metadata(iteration, contiguous)))
 
     def _trim(self, iteration: int) -> None:
         """Leave what lasts. A damaged file stays as it is: whoever loads it says so."""

@@ -191,9 +191,8 @@ class RunningMean:
 
     def to_arrays(self) -> dict[str, Array]:
         """observed.demonstrations, observed.reward, observed.cost, observed.starts, observed.start_counts."""
-        return {
-            f"observed.{name}": np.asarray(values, dtype=np.float64) for name, values in self.sums._asdict().items()
-        }
+        sums = self.sums._asdict()
+        return {f"observed.{name}": np.atleast_1d(np.asarray(values, np.float64)) for name, values in sums.items()}
 
     def from_arrays(self, arrays: Mapping[str, Array]) -> "RunningMean":
         """The sums again; the newest demonstration, an example at most, is not kept."""
@@ -224,7 +223,12 @@ def _checked_sums(game: ConstrainedMarkovGame, reward: SummableReward, kept: Map
     counts, starts = kept["start_counts"], kept["starts"]
     if starts.ndim == 1 and not ((starts >= 0) & (starts < getattr(game, "n_states", 0))).all():
         raise CheckpointError("observed.starts: expected joint states of the game")
-    if kept["demonstrations"].shape != () or counts.ndim != 1 or len(starts) != len(counts) or not (counts >= 1).all():
+    if (
+        kept["demonstrations"].shape != (1,)
+        or counts.ndim != 1
+        or len(starts) != len(counts)
+        or not (counts >= 1).all()
+    ):
         raise CheckpointError("observed.starts: expected as many starts as counts of at least 1")
     indices = starts.astype(np.int64) if starts.ndim == 1 else starts  # states of tabular games are numbers
-    return Sums(int(kept["demonstrations"]), kept["reward"], kept["cost"], indices, counts.astype(np.int64))
+    return Sums(int(kept["demonstrations"][0]), kept["reward"], kept["cost"], indices, counts.astype(np.int64))
