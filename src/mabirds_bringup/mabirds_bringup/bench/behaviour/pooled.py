@@ -2,9 +2,11 @@
 
     L(x) = E_{s_0 ~ demonstrations} V_0(s_0; x) - x^T (mean discounted feature counts),     x = (theta, omega)
 
-is the negative log likelihood of the demonstrations, convex in x; scipy's L-BFGS has no part in MA-BIRDS.
+is the negative discounted log likelihood, - mean sum_t gamma^t log pi_t(a_t | s_t), convex in x; scipy's L-BFGS has no
+part in MA-BIRDS.
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,11 +30,10 @@ class Optimum(NamedTuple):
     best: float
 
 
-def pooled_optimum(game: TabularGame, demonstrations: Trajectories, held_out: Trajectories) -> Optimum:
-    """Minimise the pooled loss from zero; the likelihood of ``held_out`` is taken after every iteration."""
+def pooled_loss(game: TabularGame, demonstrations: Trajectories) -> Callable[[Vector], tuple[float, Vector]]:
+    """L and its gradient, the expected less the demonstrated discounted feature counts, as a function of x."""
     observed = _counts(game, discounted_visitation(demonstrations, game.discount))
     starts = demonstrations.states[:, 0]
-    best = [-np.inf]
 
     def loss(x: Vector) -> tuple[float, Vector]:
         policy = policy_of(game, x)
@@ -41,16 +42,25 @@ def pooled_optimum(game: TabularGame, demonstrations: Trajectories, held_out: Tr
         expected = _counts(game, Visitation(states, actions, occupancy[states, actions]))
         return float(policy.values[0][starts].mean() - x @ observed), expected - observed
 
+    return loss
+
+
+def pooled_optimum(game: TabularGame, demonstrations: Trajectories, held_out: Trajectories) -> Optimum:
+    """Minimise the pooled loss from zero; the likelihood of ``held_out`` is taken there and after every iteration."""
+
     def likelihood(x: Vector) -> float:
         return float(log_likelihoods(game, policy_of(game, x), held_out).mean())
+
+    zero = np.zeros(len(game.reward_features.names) + len(game.cost_features.names))
+    best = [likelihood(zero)]
 
     def on_iteration(x: Vector) -> None:
         best[0] = max(best[0], likelihood(x))
 
     solver: Any = minimize  # scipy's types know no arrays of any shape
     end = solver(
-        loss,
-        np.zeros(len(observed)),
+        pooled_loss(game, demonstrations),
+        zero,
         jac=True,
         method="L-BFGS-B",
         callback=on_iteration,

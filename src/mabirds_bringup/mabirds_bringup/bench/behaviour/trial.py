@@ -13,7 +13,7 @@ from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.assembly import build_game, evaluation_policy, reward_of
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History, simulate, simulate_central
-from mabirds_core.games.interface import discounted_visitation
+from mabirds_core.games.interface import Trajectories, discounted_visitation
 from mabirds_core.games.tabular.decidable import touch_without
 from mabirds_core.metrics.constraints import by_threshold, constraint_errors, ranking_auc
 from mabirds_core.metrics.curves import LATE, late_mean, late_minimum
@@ -42,6 +42,7 @@ def run_trial(seed: int, game_kind: str, methods: Sequence[str], demonstrations:
         "experts": game.n_experts,
         "learners": len(experiment.learners),
         "schedule": experiment.schedule.kind,
+        "demonstrations": demonstrations,
         "pooled_nats": optimum.final,
         "pooled_best_nats": optimum.best,
         "expert_nats": float(log_likelihoods(game, experts, problem.held_out).mean()),
@@ -87,7 +88,7 @@ class _Judged:
         for name, stream in self._problem.streams.items():
             scores = counting_scores(self._game, stacked(stream))
             learned = scores >= self._problem.experiment.constraint_confidence
-            yield {"method": COUNTING, "learner": name, **self._errors(learned, scores, len(stream), learned & False)}
+            yield {"method": COUNTING, "learner": name, **self._errors(learned, scores, stacked(stream))}
 
     def _behaviour(self, experiment: Experiment, name: str, parameters: list[Parameters]) -> Row:
         game, policy_of = self._game, evaluation_policy(experiment, name, self._game)
@@ -103,8 +104,7 @@ class _Judged:
             "occupancy_distance": game.judge.distance([policies[-1], self._experts], 0),
         }
 
-    def _constraints(self, experiment: Experiment, name: str, parameters: Parameters, shown: Any) -> Row:
-        used = self._game.cost_features.total(discounted_visitation(shown, self._game.discount)) > 0
+    def _constraints(self, experiment: Experiment, name: str, parameters: Parameters, shown: Trajectories) -> Row:
         reward = reward_of(experiment, name, self._game)
         if reward is None:
             learned, scores = by_threshold(parameters.omega, experiment.constraint_threshold), -parameters.omega
@@ -113,12 +113,13 @@ class _Judged:
             learned = scores >= experiment.constraint_confidence
         threshold = by_threshold(parameters.omega, experiment.constraint_threshold)
         of_paper = constraint_errors(threshold, self._game.true_constraints)
-        errors = self._errors(learned, scores, len(shown.states), used)
+        errors = self._errors(learned, scores, shown)
         return {**errors, "threshold_fdr": of_paper.false_discovery_rate, "threshold_fpr": of_paper.false_positive_rate}
 
-    def _errors(self, learned: Mask, scores: Vector, count: int, used: Mask) -> Row:
+    def _errors(self, learned: Mask, scores: Vector, shown: Trajectories) -> Row:
         truth = self._game.true_constraints
-        decidable = truth & (1 - (1 - self._touch) ** count >= DECIDABLE_AT)
+        used = self._game.cost_features.total(discounted_visitation(shown, self._game.discount)) > 0
+        decidable = truth & (1 - (1 - self._touch) ** len(shown.states) >= DECIDABLE_AT)
         return {
             "called": int(learned.sum()),
             "false": int((learned & ~truth).sum()),
