@@ -96,7 +96,7 @@ def row(method: str = MABIRDS, seed: int = 1, learner: str = "learner_1", **chan
     constraints = {"called": 10, "false": 0, "called_used": 0, "decidable": 5, "found": 5, "auc": 0.9}
     common = {"seed": seed, "experts": 2, "learners": 2, "schedule": "static", "demonstrations": 40}
     optima = {"pooled_nats": -9.0, "pooled_best_nats": -8.0}
-    measured = {name: None for name in behaviour} if method == COUNTING else behaviour
+    measured = dict.fromkeys(behaviour) if method == COUNTING else behaviour
     return {**common, **optima, "method": method, "learner": learner, **measured, **constraints, **changes}
 
 
@@ -271,7 +271,7 @@ def test_the_command_writes_a_report(report: tuple[Path, dict[str, Any]]) -> Non
 
 def test_every_method_has_its_rows(report: tuple[Path, dict[str, Any]]) -> None:
     directory, content = report
-    games = {row["method"]: row["games"] for row in content["methods"]}
+    games = {shown["method"]: shown["games"] for shown in content["methods"]}
     assert games == {MABIRDS: 2, COUNTING: 2, PAPER: 1, **dict.fromkeys(CENTRAL, 1)}
     rows = pl.read_parquet(directory / "results.parquet")
     learners = dict(rows.filter(method=MABIRDS).group_by("seed").agg(pl.len()).iter_rows())

@@ -155,7 +155,11 @@ def write_report(rows: Sequence[Mapping[str, Any]], directory: Path, command: st
         "misses": misses.sort("success").to_dicts(),
     }
     write_json(directory / "summary.json", content)
-    page = {"title": TITLE, "note": f"{frame['demonstrations'].max()} demonstrations per learner. {NOTE}", "pictures": ["curves.png"]}
+    page = {
+        "title": TITLE,
+        "note": f"{rows[0]['demonstrations']} demonstrations per learner. {NOTE}",
+        "pictures": ["curves.png"],
+    }
     sections = [
         _section("Targets", content["targets"]),
         _section("Methods: mean of the worst learner per game, 95 % bootstrap intervals", content["methods"]),
