@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from games import SlowPatrol, hallway
-from pydantic import ValidationError
 
 from mabirds_core.algorithm.gradient import GradientEstimator
 from mabirds_core.algorithm.learner import Learner, LearnerState
@@ -160,17 +159,6 @@ def test_a_state_remembers_the_last_demonstrations_newest_first() -> None:
         assert len(newest(state)) == min(n - 1, 3)
         state = one.step(state, demonstration, neighbours_of(1, n)).state
     assert [id(demonstration) for demonstration in newest(state)] == [id(demonstrations[k]) for k in (3, 2, 1)]
-
-
-def test_the_step_of_omega_decays_with_eta1_and_that_of_theta_with_eta2() -> None:
-    assert STEPS.at(1) == (3.0, 0.7)
-    assert STEPS.at(7) == pytest.approx((3.0 / 7**0.6, 0.7 / 7**0.9), rel=1e-15)
-
-
-@pytest.mark.parametrize("wrong", [{"alpha": 0}, {"beta": -1}, {"eta1": 0.5}, {"eta2": 1}, {"alpha": np.nan}])
-def test_step_sizes_outside_the_assumptions_are_refused(wrong: dict[str, float]) -> None:
-    with pytest.raises(ValidationError, match=next(iter(wrong))):
-        PaperSteps.model_validate({"alpha": 1, "beta": 1, **wrong})
 
 
 def test_every_learner_starts_from_the_same_zeros() -> None:

@@ -4,7 +4,7 @@ Where the entries of e = E_pi sum gamma^t f and of m, the same of the demonstrat
 never negative, weighed linearly), a coordinate's direction is that of iterative scaling (Darroch and Ratcliff, 1972),
 
     g = log( (e + c/n) / (m + c/n) ),        M <- .7 M + .3 a(n) g,      step = M,
-    a(n) = .6 / (1 + n/10)^.75 / (features that are active per step and expert)
+    a(n) = .6 / (1 + n/10)^.75 / max(1, features that are active per step and expert)
 
 which has no unit and no scale: twice as many visits as demonstrated are answered alike in a busy and in a lonely cell.
 c/n is a prior of visits that were not demonstrated. It is small for omega, so that what is never shown soon costs, and
@@ -33,6 +33,9 @@ PRIOR = {"theta": 0.1, "omega": 0.001}
 
 RATE, SLOWER_AFTER, DECAY, MOMENTUM = 0.6, 10.0, 0.75, 0.7
 """Of the ratios."""
+
+MIN_ACTIVE = 1.0
+"""Features that are active, at least: demonstrations may show none of those that only say what is forbidden."""
 
 ADAGRAD_MOMENTUM, FLOOR = 0.8, 1e-12
 """Of other coordinates; FLOOR keeps a coordinate at rest whose gradient was always 0."""
@@ -89,4 +92,4 @@ def _rate(estimate: GradientEstimate, n: int) -> float:
     """a(n): the more features are active at a time, the less each of them has to do."""
     counted = [values.sum() for values, counts in zip(estimate.observed, estimate.counts, strict=True) if counts]
     active = sum(counted) / estimate.mass
-    return float(RATE / (1 + n / SLOWER_AFTER) ** DECAY / max(active, FLOOR))
+    return float(RATE / (1 + n / SLOWER_AFTER) ** DECAY / max(active, MIN_ACTIVE))

@@ -199,7 +199,7 @@ class RunningMean:
         kept = {name: arrays[f"observed.{name}"] for name in Sums._fields if f"observed.{name}" in arrays}
         if len(kept) < len(Sums._fields):
             raise CheckpointError(f"observed: expected arrays {list(Sums._fields)}, found {list(kept)}")
-        return RunningMean(self.game, self.reward, _checked_sums(self.game, self.reward, kept))
+        return RunningMean(self.game, self.reward, _sums_of(self.game, self.reward, kept))
 
 
 def _with_starts(sums: Sums, begun: Steps) -> Sums:
@@ -214,21 +214,36 @@ def _with_starts(sums: Sums, begun: Steps) -> Sums:
     return sums._replace(starts=np.asarray(starts), start_counts=np.array(counts, dtype=np.int64))
 
 
-def _checked_sums(game: ConstrainedMarkovGame, reward: SummableReward, kept: Mapping[str, Array]) -> Sums:
+def _sums_of(game: ConstrainedMarkovGame, reward: SummableReward, kept: Mapping[str, Array]) -> Sums:
     """Sums of a checkpoint; raises CheckpointError for what cannot be such."""
-    counted = {"reward": reward.total_size, "cost": len(game.cost_features.names)}
-    for name, size in counted.items():
+    for name, size in (("reward", reward.total_size), ("cost", len(game.cost_features.names))):
         if kept[name].shape != (size,) or not np.isfinite(kept[name]).all():
             raise CheckpointError(f"observed.{name}: expected {size} finite numbers")
-    counts, starts = kept["start_counts"], kept["starts"]
-    if starts.ndim == 1 and not ((starts >= 0) & (starts < getattr(game, "n_states", 0))).all():
-        raise CheckpointError("observed.starts: expected joint states of the game")
-    if (
-        kept["demonstrations"].shape != (1,)
-        or counts.ndim != 1
-        or len(starts) != len(counts)
-        or not (counts >= 1).all()
-    ):
-        raise CheckpointError("observed.starts: expected as many starts as counts of at least 1")
-    indices = starts.astype(np.int64) if starts.ndim == 1 else starts  # states of tabular games are numbers
-    return Sums(int(kept["demonstrations"][0]), kept["reward"], kept["cost"], indices, counts.astype(np.int64))
+    demonstrations, counts = kept["demonstrations"], kept["start_counts"]
+    if demonstrations.shape != (1,) or not _whole(demonstrations, 0):
+        raise CheckpointError("observed.demonstrations: expected one whole number")
+    if counts.ndim != 1 or not _whole(counts, 1) or counts.sum() > demonstrations[0]:
+        raise CheckpointError("observed.start_counts: expected whole numbers from 1, in sum at most the demonstrations")
+    starts = _starts_of(game, kept["starts"], len(counts))
+    return Sums(int(demonstrations[0]), kept["reward"], kept["cost"], starts, counts.astype(np.int64))
+
+
+def _starts_of(game: ConstrainedMarkovGame, starts: Array, count: int) -> Steps:
+    """Starts of a checkpoint: joint states of a tabular game are numbers below S, others are rows of real numbers."""
+    if not starts.ndim or len(starts) != count:
+        raise CheckpointError(f"observed.starts: expected {count}, as many as there are start_counts")
+    if not count:
+        return np.zeros(0, dtype=np.int64)
+    n_states, size = getattr(game, "n_states", None), getattr(game, "state_size", starts.shape[-1])
+    if n_states is None:
+        if starts.shape != (count, size) or not np.isfinite(starts).all():
+            raise CheckpointError(f"observed.starts: expected {count} joint states of {size} finite numbers")
+        return starts
+    if starts.ndim != 1 or not _whole(starts, 0) or (starts >= n_states).any():
+        raise CheckpointError(f"observed.starts: expected numbers of states below {n_states}")
+    return starts.astype(np.int64)
+
+
+def _whole(values: Array, least: int) -> bool:
+    """Are all of them whole numbers of at least ``least``?"""
+    return bool((np.isfinite(values) & (values >= least) & (values == np.floor(values))).all())
