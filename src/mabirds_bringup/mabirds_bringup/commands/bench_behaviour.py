@@ -1,7 +1,8 @@
 """``mabirds bench behaviour``: random games, the default rule, all measures."""
 
+from contextlib import suppress
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -29,6 +30,8 @@ def behaviour(  # noqa: PLR0913, PLR0917 - the options of a command
 ) -> None:
     """Learn random games that nobody tuned for, and measure behaviour and constraints; write a report.
 
+    Ctrl-C ends it with a report of the games that are done.
+
     Example: mabirds bench behaviour --maps 4 --central-maps 1 --out runs/quick
     """
     # Loads matplotlib, polars and scipy.
@@ -45,9 +48,11 @@ def behaviour(  # noqa: PLR0913, PLR0917 - the options of a command
             delayed(run_trial)(first_seed + k, kind, CENTRAL if k < central_maps else (), demonstrations)
             for k in range(maps)
         ]
-        with progress_bar() as bar:
+        rows = list[dict[str, Any]]()
+        with progress_bar() as bar, suppress(KeyboardInterrupt):  # then the report is of the games that are done
             results = Parallel(n_jobs=jobs, return_as="generator")(tasks)
-            rows = [row for trial in bar.track(results, total=maps, description="learning") for row in trial]
+            for trial in bar.track(results, total=maps, description="learning"):
+                rows += trial
         content = write_report(rows, out, command_line(), machine("numpy", "scipy"))
         tell(content, out)
         if as_json:

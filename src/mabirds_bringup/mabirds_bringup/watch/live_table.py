@@ -18,10 +18,10 @@ STATES = {
 def live_table(experiment: Experiment, monitor: MonitorNode) -> Table:
     """One row per learner, the consensus distance below.
 
-    Seconds: of its newest iteration. Nats: log likelihood of its newest demonstration before it was learned.
+    s: seconds of its newest iteration. nats: log likelihood of its newest demonstration before it was learned.
     """
     table = Table(title=f"{experiment.name}: {len(monitor.names)} learning", caption=caption(monitor))
-    for column in ("learner", "learned", "backlog", "state", "waits for", "seconds", "nats", "dropped"):
+    for column in ("learner", "learned", "backlog", "state", "waits for", "s", "nats", "dropped"):
         table.add_column(column)
     for name in monitor.names:
         table.add_row(name, *_cells(experiment, monitor, name))

@@ -119,14 +119,15 @@ def random_patrol(rng: np.random.Generator) -> PatrolSettings:
     Returns
     -------
     PatrolSettings
-        Two experts on a map of 6 to 9 cells a side, or, one time in ten, three on 5 by 5; one to six joint starts, each
-        at least three steps from the goals. Whether experts can pass each other in time is for the caller to find out.
+        Two experts on a map of 6 to 9 cells a side, or, one time in twenty, three on 4 by 4; one to six joint starts,
+        each at least three steps from the goals. Whether experts can pass each other in time is for the caller to find out.
     """
-    n_experts = 3 if rng.random() < 0.1 else 2
+    n_experts = 3 if rng.random() < 0.05 else 2
     while True:
-        height, width = (7, 7) if n_experts == 3 else (int(side) for side in rng.integers(6, 9, size=2))
-        walls = BUILDERS[str(rng.choice(list(BUILDERS)))](rng, height, width)
-        # Three experts on 7 by 7 cells are too many joint states; the edge of the map serves as outer wall as well.
+        height, width = (6, 6) if n_experts == 3 else (int(side) for side in rng.integers(6, 9, size=2))
+        # Three experts need a small map: its edge is the outer wall, and no maze fits in.
+        builder = str(rng.choice(list(BUILDERS)[: -1 if n_experts == 3 else None]))
+        walls = BUILDERS[builder](rng, height, width)
         settings = _with_tasks(rng, walls[1:-1, 1:-1] if n_experts == 3 else walls, n_experts)
         if settings is not None:
             return settings
