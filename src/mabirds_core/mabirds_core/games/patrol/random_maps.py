@@ -120,7 +120,7 @@ def random_patrol(rng: np.random.Generator) -> PatrolSettings:
     -------
     PatrolSettings
         Two experts on a map of 6 to 9 cells a side, or, one time in twenty, three on 4 by 4; one to six joint starts,
-        each at least three steps from the goals. Whether experts can pass each other in time is for the caller to find out.
+        each at least three steps from the goals. Whether experts can pass in time is for the caller to find out.
     """
     n_experts = 3 if rng.random() < 0.05 else 2
     while True:
