@@ -13,6 +13,9 @@ from email.parser import Parser
 from pathlib import Path
 
 import pytest
+import yaml
+
+from mabirds_bringup.bench.study import PACKAGED
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 SOURCES = ("src", "ros_ws", "packaging", "VERSION", "LICENSE")
@@ -142,6 +145,16 @@ def test_experiments_and_the_launch_file_come_twice_once_for_python_and_once_for
             place = file.relative_to(workspace)
             for folder in ("mabirds_bringup", f"{share}/data/share/mabirds_bringup"):
                 assert archive.read(f"{folder}/{place}") == file.read_bytes()
+
+
+def test_studies_come_with_the_experiments_that_they_name(wheels: dict[str, Path]) -> None:
+    there = names(wheels["mabirds_bringup"])
+    studies = sorted(PACKAGED.glob("*.yaml"))
+    assert {f"mabirds_bringup/studies/{study.name}" for study in studies} <= there
+    files = {
+        file for study in studies for file in yaml.safe_load(study.read_text(encoding="utf-8"))["experiments"].values()
+    }
+    assert {f"mabirds_bringup/{file.removeprefix('../')}" for file in files} <= there
 
 
 def test_the_profiles_of_fast_dds_come_too(wheels: dict[str, Path]) -> None:
