@@ -17,6 +17,7 @@ from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.assembly import build_game, build_method, build_reward
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.games.interface import Trajectories, Visitation
+from mabirds_core.games.patrol.features import PatrolCostFeatures
 from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_core.planners.soft_bellman import SoftBellmanPlanner
 from mabirds_core.registry import METHODS, build, kind_of, kinds
@@ -114,6 +115,32 @@ class Credulous(PatrolGame):
 def test_a_game_that_checks_no_transitions_is_noticed() -> None:
     with pytest.raises(AssertionError, match="one step of which leads elsewhere; expected ImpossibleTrajectoryError"):
         conformance.check_game(Credulous(alone().settings))  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True)
+class Signed:
+    """Features that say that they are never negative, and are."""
+
+    features: PatrolCostFeatures
+    nonnegative = True
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return self.features.names
+
+    def total(self, visitation: Visitation) -> Vector:
+        return -self.features.total(visitation)
+
+    def table(self, weights: Vector) -> Array:
+        return -self.features.table(weights)
+
+
+def test_features_that_are_negative_and_say_that_they_are_not_are_noticed() -> None:
+    game: Any = alone()
+    conformance.check_game(game)
+    game.cost_features = Signed(game.cost_features)
+    with pytest.raises(AssertionError, match="expected none below 0 of features that say nonnegative = True"):
+        conformance.check_game(game)
 
 
 class Fickle(SoftBellmanPlanner):

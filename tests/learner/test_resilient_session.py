@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sessions import Streams, push_sum_session, some_sum
+from identity import bits
+from sessions import Streams, demonstrations, push_sum_session, some_sum
 
 from mabirds_core.consensus.push_sum import RunningSum
 from mabirds_core.errors import ExperimentError, RefusedMessageError
@@ -327,6 +328,25 @@ def test_restarts_lose_no_mass(ring: Experiment, streams: Streams, seed: int) ->
             )
             network.sessions[name] = again
     assert network.weight() == pytest.approx(4, abs=1e-12)
+
+
+def test_restarts_in_step_and_without_loss_change_no_bit_with_the_default_rule(
+    make_experiment: Callable[..., Path],
+) -> None:
+    change = {"mixing": {"kind": "resilient"}, "algorithm": {}}
+    schedule = {"kind": "static", "graph": "ring"}
+    experiment = load_experiment(make_experiment(learners=4, iterations=8, schedule=schedule, change=change))
+    network = LossyNetwork(experiment, demonstrations(experiment), seed=0, loss=0.0)
+    expected = simulate(experiment, network.streams)
+    for n in range(1, experiment.iterations + 1):
+        for name in NAMES:
+            network.tell(name)
+        for name in NAMES:
+            network.update(name)
+            assert bits(network.sessions[name].parameters) == bits(expected[name][n])
+            arrays = {key: values.copy() for key, values in network.sessions[name].arrays().items()}
+            network.sessions[name] = push_sum_session(experiment, name)
+            network.sessions[name].restore({n + 1: arrays})
 
 
 def test_a_checkpoint_holds_state_masses_and_membership(ring: Experiment, streams: Streams) -> None:

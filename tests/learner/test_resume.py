@@ -14,16 +14,30 @@ from mabirds_core.errors import CheckpointError, MabirdsError
 from mabirds_core.experiment.assembly import build_learner
 from mabirds_core.experiment.file import Experiment, load_experiment
 from mabirds_core.experiment.simulate import History, simulate
-from mabirds_learner.checkpoint import LASTING
+from mabirds_learner.checkpoint import LASTING, CheckpointMetadata, CheckpointStore
 from mabirds_learner.learner_session import LearnerSession
 from mabirds_learner.member import Limits
 from mabirds_learner.strict_member import StrictMember
 
-CHANGES: dict[str, dict[str, Any]] = {
-    "as it is": {},
+PAPER: dict[str, Any] = {"steps": {"alpha": 8.0, "beta": 4.0}, "expectation": "sampled", "rollouts": 20}
+NEURAL: dict[str, Any] = {"reward": {"kind": "neural", "hidden": 4}}
+SOFT_Q: dict[str, Any] = {"policy": {"kind": "soft_q_learning", "episodes": 10, "sweeps": 2}}
+ALGORITHMS: dict[str, dict[str, Any]] = {
+    "nothing given": {},
+    "a neural reward": NEURAL,
+    "soft Q-learning": SOFT_Q,
     "a window of three": {"window": 3},
-    "soft Q-learning": {"policy": {"kind": "soft_q_learning", "episodes": 10, "sweeps": 2}},
-    "a neural reward": {"reward": {"kind": "neural", "hidden": 4}},
+    "the paper's steps": PAPER,
+    "the paper's steps and a window of three": {**PAPER, "window": 3},
+    "the paper's steps and soft Q-learning": {**PAPER, **SOFT_Q},
+    "the paper's steps and a neural reward": {**PAPER, **NEURAL},
+}
+TWO_STARTS: dict[str, Any] = {
+    "kind": "patrol",
+    "map": "....\n.##.\n....",
+    "starts": [[[0, 0], [2, 3]], [[0, 1], [2, 2]]],
+    "goals": [[2, 3], [0, 0]],
+    "horizon": 7,
 }
 
 
@@ -40,10 +54,30 @@ def advance(session: LearnerSession[StrictMember], streams: Streams, expected: H
     session.step()
 
 
-@pytest.mark.parametrize("change", CHANGES)
-def test_a_restart_before_every_update_changes_no_bit(make_experiment: Callable[..., Path], change: str) -> None:
-    algorithm = {"steps": {"alpha": 8.0, "beta": 4.0}, "rollouts": 20, **CHANGES[change]}
-    check_restarts(load_experiment(make_experiment(change={"algorithm": algorithm})))
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_a_restart_before_every_update_changes_no_bit(make_experiment: Callable[..., Path], algorithm: str) -> None:
+    check_restarts(load_experiment(make_experiment(change={"algorithm": ALGORITHMS[algorithm]})))
+
+
+def test_a_restart_from_files_before_every_update_changes_no_bit(
+    make_experiment: Callable[..., Path], tmp_path: Path
+) -> None:
+    """With nothing given: what the default rule and the mean of all demonstrations remember goes through the disk."""
+    experiment = load_experiment(make_experiment(change={"algorithm": {}, "game": TWO_STARTS}))
+    streams, metadata = demonstrations(experiment), CheckpointMetadata("learner_1", "experiment", "schedule")
+    assert len({int(stream.states[0, 0]) for stream in streams["learner_1"]}) == 2
+    expected = simulate(experiment, streams)
+    session = new_session(experiment)
+    while not session.finished:
+        advance(session, streams, expected)
+        store = CheckpointStore(tmp_path / "checkpoints", metadata, keep=4)
+        store.save(session.iteration, session.arrays())
+        store.close()
+        session = new_session(experiment)
+        store = CheckpointStore(tmp_path / "checkpoints", metadata, keep=4)
+        session.restore(store.load())
+        store.close()
+        assert bits(session.parameters) == bits(expected["learner_1"][session.iteration - 1])
 
 
 @pytest.mark.parametrize("planner", ["lattice", "soft_actor_critic"])
@@ -93,9 +127,28 @@ def a_checkpoint(experiment: Experiment) -> dict[str, Array]:
 def test_arrays_that_do_not_fit_are_refused(
     make_experiment: Callable[..., Path], name: str, values: Array, words: str
 ) -> None:
-    policy = {"kind": "soft_q_learning", "episodes": 10, "sweeps": 2}
-    algorithm = {"steps": {"alpha": 8.0, "beta": 4.0}, "rollouts": 20, "window": 2, "policy": policy}
-    experiment = load_experiment(make_experiment(change={"algorithm": algorithm}))
+    algorithm = {**PAPER, **SOFT_Q, "window": 2}
+    check_refusal(load_experiment(make_experiment(change={"algorithm": algorithm})), name, values, words)
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "words"),
+    [
+        ("steps.momentum.theta", np.ones(3), "steps: expected arrays"),
+        ("steps.squares.omega", np.full(26, np.nan), "steps: expected finite numbers"),
+        ("observed.reward", np.ones(3), "observed.reward: expected 96 finite numbers"),
+        ("observed.starts", np.array([144.0]), "observed.starts: expected numbers of states below 144"),
+        ("observed.start_counts", np.array([0.5]), "observed.start_counts: expected whole numbers from 1"),
+        ("observed.demonstrations", np.array([-1.0]), "observed.demonstrations: expected one whole number"),
+    ],
+)
+def test_arrays_of_the_default_rule_that_do_not_fit_are_refused(
+    make_experiment: Callable[..., Path], name: str, values: Array, words: str
+) -> None:
+    check_refusal(load_experiment(make_experiment(change={"algorithm": {}})), name, values, words)
+
+
+def check_refusal(experiment: Experiment, name: str, values: Array, words: str) -> None:
     sound = a_checkpoint(experiment)
     assert name in sound
     with pytest.raises(MabirdsError, match=words):

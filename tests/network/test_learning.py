@@ -51,6 +51,27 @@ def test_nodes_in_one_process_equal_the_reference(
     assert_same_histories(monitor.history(), simulate_from_bag(experiment))
 
 
+MIXING: dict[str, dict[str, Any]] = {"strict": {}, "resilient": {"mixing": {"kind": "resilient", "patience": 60.0}}}
+
+
+@pytest.mark.parametrize("mixing", MIXING)
+def test_nodes_with_the_default_rule_equal_the_reference(
+    make_experiment: Callable[..., Path], nodes: Any, context: Context, tmp_path: Path, mixing: str
+) -> None:
+    """Nothing is said about how to learn: momenta and sums stay with their learners."""
+    change = {"algorithm": {}, "closing_rounds": 1, **MIXING[mixing]}
+    schedule = {"kind": "static", "graph": "ring"}
+    file = make_experiment(iterations=8, learners=4, schedule=schedule, change=change)
+    experiment = load_experiment(file)
+    with BagWriter(tmp_path / "recording") as recording:
+        monitor = nodes.add(MonitorNode(experiment, recording, context=context))
+        for name in experiment.learners:
+            nodes.learner(file, name)
+        nodes.player(file, hz=50.0)
+        nodes.spin_until(lambda: monitor.finished)
+    assert_same_histories(monitor.history(), simulate_from_bag(experiment))
+
+
 @pytest.mark.parametrize(
     ("rate", "reverse"), [(4.0, False), (40.0, False), (40.0, True)], ids=["4x", "40x", "reversed start"]
 )

@@ -133,6 +133,8 @@ def _check_features(features: FeatureMap, visitation: Visitation) -> None:
     _require(np.allclose(total, summed), "total of a visitation: expected the sum of the totals of its pairs")
     twice = features.total(visitation._replace(weights=2 * visitation.weights))
     _require(np.allclose(2 * total, twice), "total: expected twice as much for weights twice as large")
+    fitting = not getattr(features, "nonnegative", False) or bool((total >= 0).all())
+    _require(fitting, "total: expected none below 0 of features that say nonnegative = True")
     table = getattr(features, "table", None)
     if table is not None:
         weights = np.random.default_rng(0).normal(size=len(features.names))

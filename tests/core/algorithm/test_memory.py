@@ -12,8 +12,9 @@ from mabirds_core.algorithm import memory as memory_module
 from mabirds_core.algorithm.memory import Memory, RunningMean, WindowMemory, stacked
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Array, Vector
-from mabirds_core.errors import CheckpointError, ExperimentError
+from mabirds_core.errors import CheckpointError
 from mabirds_core.experiment.assembly import build_game, build_learner, build_memory
+from mabirds_core.experiment.learning_settings import MAX_WINDOW
 from mabirds_core.games.drones.rewards import LinearDroneReward
 from mabirds_core.games.interface import ConstrainedMarkovGame, Trajectories, discounted_visitation
 from mabirds_core.games.patrol.game import PatrolGame
@@ -209,18 +210,19 @@ def test_a_window_goes_on_from_its_arrays_without_the_oldest(length: int) -> Non
 
 STATES = "observed.starts: expected numbers of states below 36"
 COUNTS = "observed.start_counts: expected whole numbers from 1, in sum at most the demonstrations"
-NUMBER = "observed.demonstrations: expected a whole number"
+NUMBER = "observed.demonstrations: expected one whole number"
 DAMAGED = [
     ("reward", np.zeros(3), "observed.reward: expected 48 finite numbers"),
     ("reward", np.full(48, np.nan), "observed.reward: expected 48 finite numbers"),
     ("cost", np.zeros((14, 1)), "observed.cost: expected 14 finite numbers"),
     ("cost", np.full(14, np.inf), "observed.cost: expected 14 finite numbers"),
-    ("demonstrations", np.array([3.0]), NUMBER),
-    ("demonstrations", np.array(2.5), NUMBER),
-    ("demonstrations", np.array(-1.0), NUMBER),
-    ("demonstrations", np.array(np.nan), NUMBER),
-    ("demonstrations", np.array(np.inf), NUMBER),
-    ("demonstrations", np.array(2.0), COUNTS),
+    ("demonstrations", np.array(3.0), NUMBER),
+    ("demonstrations", np.array([3.0, 3.0]), NUMBER),
+    ("demonstrations", np.array([2.5]), NUMBER),
+    ("demonstrations", np.array([-1.0]), NUMBER),
+    ("demonstrations", np.array([np.nan]), NUMBER),
+    ("demonstrations", np.array([np.inf]), NUMBER),
+    ("demonstrations", np.array([2.0]), COUNTS),
     ("start_counts", np.array([[1.0, 2.0]]), COUNTS),
     ("start_counts", np.array([0.0, 2.0]), COUNTS),
     ("start_counts", np.array([1.5, 1.5]), COUNTS),
@@ -260,7 +262,9 @@ def test_a_missing_sum_is_refused_by_name(name: str) -> None:
     assert repr(name) not in str(refusal.value).split("found")[1]
 
 
-@pytest.mark.parametrize("values", [np.zeros((1, 3)), np.zeros(4), np.full((1, 4), np.nan), np.zeros((1, 4, 1))])
+@pytest.mark.parametrize(
+    "values", [np.zeros((1, 3)), np.zeros(4), np.full((1, 4), np.nan), np.zeros((1, 4, 1)), np.array(1.0)]
+)
 def test_starts_of_drones_are_joint_states(values: Array) -> None:
     game = arena()
     empty = RunningMean.empty(game, LinearDroneReward(game))
@@ -293,13 +297,25 @@ class RewardOfTrajectories:
         return rng.normal(size=2)
 
 
-def test_a_reward_that_needs_the_demonstrations_themselves_needs_a_window() -> None:
+def test_where_the_gradient_needs_the_demonstrations_themselves_all_means_the_newest_of_them() -> None:
+    """The mean is over those there are: nothing counts as zero."""
     settings = experiment({"algorithm.window": "all"})
     game = build_game(settings)
     reward: RewardModel = RewardOfTrajectories()  # type: ignore[assignment]
-    with pytest.raises(ExperimentError, match="algorithm.window all: .* give the length of a window, such as 20"):
-        build_memory(settings, game, reward)
-    assert isinstance(build_memory(experiment({"algorithm.window": 20}), game, reward), WindowMemory)
+    memory = build_memory(settings, game, reward)
+    assert memory == WindowMemory(game, reward, MAX_WINDOW, padded=False)
+    assert build_memory(experiment({"algorithm.window": 20}), game, reward) == WindowMemory(game, reward, 20)
+
+
+def test_a_window_without_padding_observes_what_a_running_mean_does() -> None:
+    game = hallway()
+    reward, shown = neural(game), batches(game, (1, 2, 1))
+    window, mean = WindowMemory(game, reward, 9, padded=False), RunningMean.empty(game, reward)
+    for demonstration in shown:
+        window, mean = window.add(demonstration), mean.add(demonstration)
+        assert window.fill == mean.fill == 1.0
+        assert_close(window.observed(some_theta(reward)), mean.observed(some_theta(reward)))
+    assert not window.from_arrays({}).padded
 
 
 def test_the_size_of_a_running_mean_does_not_grow_with_the_demonstrations() -> None:

@@ -89,8 +89,9 @@ def test_mass_is_conserved_whatever_is_lost(events: list[tuple[bool, int, int, f
 
 @pytest.mark.parametrize("schedule", SCHEDULES)
 @pytest.mark.parametrize("closing_rounds", [0, 3])
-def test_without_loss_it_is_the_papers_iteration(schedule: str, closing_rounds: int) -> None:
-    changes = {**FOUR, "schedule": SCHEDULES[schedule], "closing_rounds": closing_rounds}
+@pytest.mark.parametrize("algorithm", [{}, {"algorithm": {}}], ids=["the paper's steps", "the default rule"])
+def test_without_loss_it_is_the_papers_iteration(schedule: str, closing_rounds: int, algorithm: dict[str, Any]) -> None:
+    changes = {**FOUR, **algorithm, "schedule": SCHEDULES[schedule], "closing_rounds": closing_rounds}
     strict, resilient = experiment(changes), experiment({**changes, **RESILIENT})
     streams = demonstrations(strict)
     expected, found = simulate(strict, streams), simulate(resilient, streams)
