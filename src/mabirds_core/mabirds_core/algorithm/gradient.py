@@ -66,17 +66,16 @@ class GradientEstimate(NamedTuple):
 
 @dataclass(frozen=True)
 class GradientEstimator:
-    """Steps 1 and 2 of Algorithm 1 and the differences of its step 4.
-
-    ``rollout_start``: "initial" rolls out from P_0 as the paper does; "demonstration" from the states in which the
-    observed demonstrations began, which has the same mean and removes the variance that P_0 brings in.
-    """
+    """Steps 1 and 2 of Algorithm 1 and the differences of its step 4."""
 
     game: ConstrainedMarkovGame
     reward: RewardModel
     planner: Planner
     expectation: OccupancyEstimator
     rollout_start: RolloutStart = "demonstration"
+    """Roll out from P_0 as the paper does ("initial"), or from the states in which the demonstrations began, which has
+    the same mean and removes the variance that P_0 brings in.
+    """
 
     def initial_parameters(self, seed: int) -> Parameters:
         """theta(1) of the reward model, the same for all who share the seed; omega(1) = 0."""

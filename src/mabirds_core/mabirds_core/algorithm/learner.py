@@ -42,7 +42,7 @@ class LearnerState(NamedTuple):
         What it keeps of its demonstrations before zeta(n).
     rule : RuleState
         What its step rule remembers.
-    policy : Policy, optional
+    policy : Policy or None
         The policy of iteration n - 1, from which the planner starts at n.
     """
 
@@ -102,7 +102,19 @@ class Learner:
     def step(self, state: LearnerState, demonstration: Trajectories, incoming: Mapping[str, Any]) -> StepResult:
         """Iteration n, all four steps.
 
-        ``demonstration``: zeta(n). ``incoming``: what in-neighbours of E(n) have sent, by their names, for the mixer.
+        Parameters
+        ----------
+        state : LearnerState
+            Before update n.
+        demonstration : Trajectories
+            zeta(n).
+        incoming : Mapping[str, Any]
+            What in-neighbours of E(n) have sent, by their names, for the mixer.
+
+        Returns
+        -------
+        StepResult
+            The state of iteration n + 1, and what led there.
         """
         (estimate, memory), n = self.local_gradient(state, demonstration), state.iteration
         step, rule = self.steps.step(state.rule, estimate, n)
@@ -112,14 +124,37 @@ class Learner:
     def local_gradient(self, state: LearnerState, demonstration: Trajectories) -> LocalGradient:
         """Steps 1 to 3, the part of an iteration that needs nobody else.
 
-        (1/l) sum_{i<l} ( mean_j grad J(zeta^j) - grad J(zeta(n-i)) ) in theta, and the same of mu in omega.
+        Parameters
+        ----------
+        state : LearnerState
+            Before update n.
+        demonstration : Trajectories
+            zeta(n).
+
+        Returns
+        -------
+        LocalGradient
+            Of (1/l) sum_{i<l} ( mean_j grad J(zeta^j) - grad J(zeta(n-i)) ) in theta, and the same of mu in omega.
         """
         memory = state.memory.add(demonstration)
         estimate = self.estimator(state.parameters, memory, self._rng(state.iteration), state.policy)
         return LocalGradient(estimate, memory)
 
     def consensus_step(self, state: LearnerState, incoming: Mapping[str, Any]) -> LearnerState:
-        """A closing round: theta and omega are mixed as at every iteration, and no step is taken."""
+        """A closing round: theta and omega are mixed as at every iteration, and no step is taken.
+
+        Parameters
+        ----------
+        state : LearnerState
+            Before the round n.
+        incoming : Mapping[str, Any]
+            What in-neighbours of E(n) have sent, by their names.
+
+        Returns
+        -------
+        LearnerState
+            After it.
+        """
         n = state.iteration
         mixed = self.mixer.mix(self.mixer.incoming(state.mixing, n, incoming), n, None)
         return state._replace(iteration=n + 1, mixing=mixed)

@@ -55,7 +55,23 @@ class Memory(Protocol):
         ...
 
     def from_arrays(self, arrays: Mapping[str, Array]) -> "Memory":
-        """The memory again; raises MabirdsError where the arrays do not fit the game."""
+        """The memory again.
+
+        Parameters
+        ----------
+        arrays : Mapping[str, Array]
+            What ``to_arrays`` gave.
+
+        Returns
+        -------
+        Memory
+            As it was.
+
+        Raises
+        ------
+        MabirdsError
+            The arrays do not fit the game.
+        """
         ...
 
 
@@ -69,16 +85,14 @@ def stacked(demonstrations: tuple[Trajectories, ...] | list[Trajectories]) -> Tr
 
 @dataclass(frozen=True)
 class WindowMemory:
-    """The newest ``length`` sets of demonstrations, newest first.
-
-    ``padded``: terms that there are not yet count as zero, as in the paper; else the mean is over those there are.
-    """
+    """The newest ``length`` sets of demonstrations, newest first."""
 
     game: ConstrainedMarkovGame
     reward: RewardModel
     length: int
     newest: tuple[Trajectories, ...] = ()
     padded: bool = True
+    """Terms that there are not yet count as zero, as in the paper; else the mean is over those there are."""
 
     @cached_property
     def examples(self) -> Trajectories:
@@ -130,9 +144,11 @@ class Sums(NamedTuple):
     ----------
     demonstrations : int
         How many.
-    reward, cost : Vector
-        Discounted counts of the reward features and of the cost features, shapes (K_f,) and (K_omega,).
-    starts : Array
+    reward : Vector
+        Discounted counts of the reward features, shape (K_f,).
+    cost : Vector
+        Discounted counts of the cost features, shape (K_omega,).
+    starts : Any
         Different starts, one per row or entry, in the order in which they came first.
     start_counts : Indices
         How often each came, of the same length.
@@ -156,7 +172,20 @@ class RunningMean:
 
     @staticmethod
     def empty(game: ConstrainedMarkovGame, reward: SummableReward) -> "RunningMean":
-        """The memory before the first demonstration."""
+        """The memory before the first demonstration.
+
+        Parameters
+        ----------
+        game : ConstrainedMarkovGame
+            Whose costs are counted.
+        reward : SummableReward
+            Whose features are counted.
+
+        Returns
+        -------
+        RunningMean
+            Of nothing.
+        """
         nothing = np.zeros(0, dtype=np.int64)
         sums = Sums(0, np.zeros(reward.total_size), np.zeros(len(game.cost_features.names)), nothing, nothing)
         return RunningMean(game, reward, sums)

@@ -27,7 +27,20 @@ class Parameters(NamedTuple):
 
 
 def scaled(factor: float, parameters: Parameters) -> Parameters:
-    """factor * theta, factor * omega."""
+    """Multiply both by a number.
+
+    Parameters
+    ----------
+    factor : float
+        The number.
+    parameters : Parameters
+        theta and omega.
+
+    Returns
+    -------
+    product : Parameters
+        factor * theta, factor * omega.
+    """
     return Parameters(factor * parameters.theta, factor * parameters.omega)
 
 
@@ -42,6 +55,11 @@ def descend(origin: Parameters, step: Parameters, n: int) -> Parameters:
         What is taken off; a step rule's.
     n : int
         Number of the step, for the error.
+
+    Returns
+    -------
+    after : Parameters
+        The difference.
 
     Raises
     ------

@@ -22,5 +22,20 @@ class StepRule(Protocol):
         ...
 
     def step(self, state: RuleState, estimate: GradientEstimate, n: int) -> tuple[Parameters, RuleState]:
-        """What is taken off theta and omega in step n, counted from 1, and what is remembered after it."""
+        """One step.
+
+        Parameters
+        ----------
+        state : RuleState
+            What is remembered.
+        estimate : GradientEstimate
+            Expected and demonstrated counts at theta(n), omega(n).
+        n : int
+            Number of the step, from 1.
+
+        Returns
+        -------
+        tuple[Parameters, RuleState]
+            What is taken off theta and omega, and what is remembered after it.
+        """
         ...

@@ -20,7 +20,20 @@ POLICY, RULE = "policy.", "steps."
 
 
 def to_arrays(learner: Learner, state: LearnerState) -> dict[str, Array]:
-    """The state without its iteration number: theta, omega, steps.NAME, policy.NAME, the mixer's and the memory's."""
+    """The state without its iteration number.
+
+    Parameters
+    ----------
+    learner : Learner
+        Whose state it is.
+    state : LearnerState
+        Before update n.
+
+    Returns
+    -------
+    dict[str, Array]
+        theta, omega, steps.NAME, policy.NAME, the mixer's and the memory's.
+    """
     parameters = {"theta": state.parameters.theta, "omega": state.parameters.omega}
     arrays = {**parameters, **learner.mixer.to_arrays(state.mixing)}
     arrays |= state.memory.to_arrays()
@@ -34,7 +47,24 @@ def to_arrays(learner: Learner, state: LearnerState) -> dict[str, Array]:
 def from_arrays(learner: Learner, iteration: int, arrays: Mapping[str, Array]) -> LearnerState:
     """The state that ``to_arrays`` was given, as far as later iterations are concerned.
 
-    Raises MabirdsError where the arrays do not fit the learner's game and settings.
+    Parameters
+    ----------
+    learner : Learner
+        Whose state it is.
+    iteration : int
+        n.
+    arrays : Mapping[str, Array]
+        By name.
+
+    Returns
+    -------
+    LearnerState
+        Before update n.
+
+    Raises
+    ------
+    MabirdsError
+        The arrays do not fit the learner's game and settings.
     """
     parameters, planned = parameters_of(learner, arrays), _of(POLICY, arrays)
     policy = learner.estimator.planner.load_state_dict(planned) if planned else None
@@ -58,7 +88,25 @@ def _rule_of(learner: Learner, arrays: Mapping[str, Array]) -> RuleState:
 
 
 def parameters_of(learner: Learner, arrays: Mapping[str, Array]) -> Parameters:
-    """theta and omega; raises CheckpointError for wrong shapes and for what is no finite number."""
+    """theta and omega of a checkpoint.
+
+    Parameters
+    ----------
+    learner : Learner
+        Whose they are.
+    arrays : Mapping[str, Array]
+        By name.
+
+    Returns
+    -------
+    parameters : Parameters
+        Of the learner's shapes.
+
+    Raises
+    ------
+    CheckpointError
+        Wrong shapes, or what is no finite number.
+    """
     like = learner.estimator.initial_parameters(learner.seed)
     parameters = Parameters(*(arrays.get(name, np.empty(0)) for name in Parameters._fields))
     for name, values, expected in zip(Parameters._fields, parameters, like, strict=True):

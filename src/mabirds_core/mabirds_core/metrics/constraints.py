@@ -25,12 +25,38 @@ class ConstraintErrors(NamedTuple):
 
 
 def by_threshold(omega: Vector, threshold: float) -> Mask:
-    """Where the learned cost -omega exceeds the threshold, shape (K,): the paper's rule, which depends on the gauge."""
+    """Where the learned cost -omega exceeds the threshold: the paper's rule, which depends on the gauge.
+
+    Parameters
+    ----------
+    omega : Vector
+        Cost weights, shape (K,).
+    threshold : float
+        Cost from which on a feature is a constraint.
+
+    Returns
+    -------
+    Mask
+        Shape (K,).
+    """
     return -omega > threshold
 
 
 def constraint_errors(learned: Mask, true_constraints: Mask) -> ConstraintErrors:
-    """Rates of ``learned``, shape (K,), against ``true_constraints``, shape (K,)."""
+    """Rates of what was learned against what is true.
+
+    Parameters
+    ----------
+    learned : Mask
+        What was called a constraint, shape (K,).
+    true_constraints : Mask
+        What is one, shape (K,).
+
+    Returns
+    -------
+    ConstraintErrors
+        Rates in [0, 1].
+    """
     false, missed = int((learned & ~true_constraints).sum()), int((~learned & true_constraints).sum())
     return ConstraintErrors(
         false / max(1, int((~true_constraints).sum())),
@@ -40,7 +66,20 @@ def constraint_errors(learned: Mask, true_constraints: Mask) -> ConstraintErrors
 
 
 def ranking_auc(scores: Vector, true_constraints: Mask) -> float | None:
-    """AUC of ``scores``, shape (K,); None where there are only true or only harmless features."""
+    """AUC of a ranking.
+
+    Parameters
+    ----------
+    scores : Vector
+        The surer a constraint, the higher, shape (K,).
+    true_constraints : Mask
+        Shape (K,).
+
+    Returns
+    -------
+    float or None
+        In [0, 1]; None where there are only true or only harmless features.
+    """
     true, harmless = scores[true_constraints], scores[~true_constraints]
     if not (len(true) and len(harmless)):
         return None

@@ -18,8 +18,22 @@ def late_minimum(rates: Sequence[float]) -> float:
 
 
 def first_at(rates: Sequence[float], level: float) -> int | None:
-    """Index of the first value that is at least ``level``, as the paper counts; None: never.
+    """Index of the first value that is at least a level, as the paper counts.
 
+    Parameters
+    ----------
+    rates : Sequence[float]
+        One per iteration.
+    level : float
+        In [0, 1].
+
+    Returns
+    -------
+    int or None
+        None: never.
+
+    Examples
+    --------
     >>> first_at([0.1, 0.95, 0.2, 0.91, 0.93], 0.9)
     1
     """
@@ -27,8 +41,22 @@ def first_at(rates: Sequence[float], level: float) -> int | None:
 
 
 def stays_from(rates: Sequence[float], level: float) -> int | None:
-    """Index from which on all values are at least ``level``; None: never.
+    """Index from which on all values are at least a level.
 
+    Parameters
+    ----------
+    rates : Sequence[float]
+        One per iteration.
+    level : float
+        In [0, 1].
+
+    Returns
+    -------
+    int or None
+        None: never.
+
+    Examples
+    --------
     >>> stays_from([0.1, 0.95, 0.2, 0.91, 0.93], 0.9)
     3
     """

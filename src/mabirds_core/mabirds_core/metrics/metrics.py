@@ -17,7 +17,20 @@ from mabirds_core.planners.occupancy import occupancy_measure
 
 
 def exact_imitation(game: TabularGame, policy: TabularPolicy) -> ImitationMetrics:
-    """CVR and SR without sampling: the probability mass that stays clean is followed through time."""
+    """CVR and SR without sampling: the probability mass that stays clean is followed through time.
+
+    Parameters
+    ----------
+    game : TabularGame
+        With its true constraints.
+    policy : TabularPolicy
+        What is judged.
+
+    Returns
+    -------
+    ImitationMetrics
+        Exact.
+    """
     everywhere = np.arange(game.n_states)
     clean = game.initial_distribution
     for step in range(game.horizon + 1):
@@ -29,7 +42,20 @@ def exact_imitation(game: TabularGame, policy: TabularPolicy) -> ImitationMetric
 
 
 def sampled_imitation(game: TabularGame, trajectories: Trajectories) -> ImitationMetrics:
-    """CVR and SR as shares of the given trajectories."""
+    """CVR and SR as shares of the given trajectories.
+
+    Parameters
+    ----------
+    game : TabularGame
+        With its true constraints.
+    trajectories : Trajectories
+        m rollouts of a policy.
+
+    Returns
+    -------
+    ImitationMetrics
+        Multiples of 1/m.
+    """
     violated = game.violation[trajectories.states, trajectories.actions].any(axis=1)
     arrived = game.goal[trajectories.states[:, -1]]
     return ImitationMetrics(float(violated.mean()), float((arrived & ~violated).mean()))
@@ -42,7 +68,20 @@ def consensus_distance(vectors: Sequence[Vector]) -> float:
 
 
 def policy_distance(game: TabularGame, policies: Sequence[TabularPolicy]) -> float:
-    """Largest total variation distance between two policies' occupancy measures, in [0, 1]."""
+    """Largest total variation distance between two policies' occupancy measures.
+
+    Parameters
+    ----------
+    game : TabularGame
+        Where they act.
+    policies : Sequence[TabularPolicy]
+        Of which each two are compared.
+
+    Returns
+    -------
+    float
+        In [0, 1]; 0 for a single policy.
+    """
     occupancies = [occupancy_measure(game, policy) for policy in policies]
     return max(
         (float(np.abs(a - b).sum() / 2) for i, a in enumerate(occupancies) for b in occupancies[:i]), default=0.0
