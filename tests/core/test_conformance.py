@@ -197,7 +197,7 @@ def test_a_kind_that_is_not_installed_is_refused_with_what_there_is() -> None:
 class Boundless(WholePatrolGame):
     """Measures nothing that is a number."""
 
-    def measures(self, omega: Vector, demonstrations: Trajectories) -> dict[str, dict[str, float]]:  # noqa: ARG002
+    def measures(self, omega: Vector, demonstrations: Trajectories) -> dict[str, dict[str, float]]:
         return {"cost": {"door": float("inf")}}
 
 
