@@ -19,6 +19,7 @@ from mabirds_core.experiment.file import Experiment
 from mabirds_core.games.interface import Trajectories, Visitation
 from mabirds_core.games.patrol.features import PatrolCostFeatures
 from mabirds_core.games.patrol.game import PatrolGame
+from mabirds_core.games.patrol.whole_game import WholePatrolGame
 from mabirds_core.planners.soft_bellman import SoftBellmanPlanner
 from mabirds_core.registry import METHODS, build, kind_of, kinds
 from mabirds_core.rewards.models import LinearReward
@@ -191,3 +192,15 @@ def test_a_kind_that_is_not_installed_is_refused_with_what_there_is() -> None:
     with pytest.raises(ExperimentError, match="'magic' is none of the methods .*install the package that brings it"):
         build_method(experiment(), "magic")
     assert replace(kinds(METHODS)["ftl"]).form is None
+
+
+class Boundless(WholePatrolGame):
+    """Measures nothing that is a number."""
+
+    def measures(self, omega: Vector, demonstrations: Trajectories) -> dict[str, dict[str, float]]:
+        return {"cost": {"door": float("inf")}}
+
+
+def test_a_measure_that_is_not_finite_is_noticed() -> None:
+    with pytest.raises(AssertionError, match="measures: cost is not finite"):
+        conformance.check_game(Boundless(patrol_experiment().game))
