@@ -14,6 +14,7 @@ PARTS = (
     "mabirds_bringup",
 )
 EXTRAS = {
+    "bench": "mabirds_bringup[bench]",
     "drones": "mabirds_bringup[drones]",
     "sac": "mabirds_bringup[sac]",
     "report": "mabirds_core[report]",

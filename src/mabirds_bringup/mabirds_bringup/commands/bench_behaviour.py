@@ -9,6 +9,7 @@ import typer
 from mabirds_bringup.bench.command import command_line, tell
 from mabirds_bringup.commands.options import FirstSeed, Jobs, Json, ReportDirectory
 from mabirds_bringup.console import guarded_output, print_json, progress_bar
+from mabirds_core.extras import require
 
 FIRST_SEED = 7001
 """The reported seeds begin here; none of them served to choose anything."""
@@ -34,6 +35,8 @@ def behaviour(  # noqa: PLR0913, PLR0917 - the options of a command
 
     Example: mabirds bench behaviour --maps 4 --central-maps 1 --out runs/quick
     """
+    for library in ("joblib", "networkx", "scipy"):
+        require(library, "mabirds bench behaviour", "mabirds_bringup[bench]")
     # Loads matplotlib, polars and scipy.
     from joblib import Parallel, delayed
 
