@@ -57,7 +57,7 @@ def experiment_of(learners: int, iterations: int, directory: Path) -> Path:
     """The shipped patrol experiment with so many learners on an alternating ring, and its demonstrations."""
     content = yaml.safe_load(PATROL.read_text(encoding="utf-8"))
     content["learners"] = [f"learner_{number}" for number in range(1, learners + 1)]
-    content["schedule"], content["iterations"] = {"kind": "alternating"}, iterations
+    content |= {"schedule": {"kind": "alternating"}, "iterations": iterations, "closing_rounds": 0}
     content["demonstrations"] |= {"bag": "demonstrations", "per_learner": iterations}
     file = directory / "many.yaml"
     file.write_text(yaml.safe_dump(content), encoding="utf-8")

@@ -60,7 +60,7 @@ def test_sizes_and_numbers_of_experts_and_starts(patrols: list[PatrolSettings]) 
     assert {len(patrol.starts) for patrol in patrols} == {1, 2, 3, 4, 5, 6}
     for patrol in patrols:
         sides = {len(patrol.rows), len(patrol.rows[0])}
-        assert sides <= ({5} if patrol.n_experts == 3 else {6, 7, 8, 9})
+        assert sides <= ({4} if patrol.n_experts == 3 else {6, 7, 8, 9})
 
 
 def test_a_seed_makes_one_patrol(patrols: list[PatrolSettings]) -> None:
