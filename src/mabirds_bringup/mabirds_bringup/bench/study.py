@@ -5,7 +5,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
@@ -14,9 +14,6 @@ from mabirds_core.experiment.assembly import method_names
 from mabirds_core.experiment.file import Experiment, checked, load_experiment
 from mabirds_core.settings import Settings
 from mabirds_core.yaml_files import read_yaml
-
-if TYPE_CHECKING:
-    from pydantic_core import ErrorDetails
 
 PACKAGED = Path(__file__).parents[1] / "studies"
 """Where the studies of the package are."""
@@ -211,7 +208,7 @@ def _read(path: Path) -> Study:
         raise ExperimentError(f"{path}: is not YAML: {error}") from None
 
 
-def _explanation(problem: "ErrorDetails") -> str:
+def _explanation(problem: Mapping[str, Any]) -> str:
     place = ".".join(map(str, problem["loc"])) or "study"
     return f"{place}: {problem['msg'].removeprefix('Value error, ')}"
 
