@@ -1,0 +1,116 @@
+"""The game and the experts: two patrollers swap the corners of a 3x3 map round an obstacle.
+
+Soft constraints (b > 0): the experts' policy is the soft Bellman policy of a finite reward and finite costs, so that
+some theta and omega reproduce it exactly. Hard constraints (b = 0): it is the maximum-entropy policy among the ways
+that break none; no finite omega reproduces it.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from mabirds_bringup.bench.theory.cases import LEARNERS, TheoryCase
+from mabirds_core.arrays import Array, Vector
+from mabirds_core.experiment.assembly import build_game
+from mabirds_core.experiment.file import Experiment
+from mabirds_core.experiment.simulate import Streams
+from mabirds_core.games.interface import Trajectories, Visitation
+from mabirds_core.games.patrol.game import PatrolGame
+from mabirds_core.games.patrol.geometry import N_MOVES
+from mabirds_core.planners.interface import TabularPolicy
+from mabirds_core.planners.occupancy import discounted_steps, occupancy_measure, rollouts
+from mabirds_core.planners.soft_bellman import maximum_entropy_policy, soft_bellman_policy
+
+GAME = {
+    "kind": "patrol",
+    "map": "...\n.#.\n...",
+    "starts": [[[0, 0], [2, 2]]],
+    "goals": [[2, 2], [0, 0]],
+    "horizon": 6,
+    "discount": 0.95,
+}
+COST = 2.0
+"""Of each true constraint, where constraints are soft."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A case's game, experts and network."""
+
+    case: TheoryCase
+    iterations: int
+    seed: int
+
+    @cached_property
+    def experiment(self) -> Experiment:
+        """As a file would have it."""
+        algorithm: dict[str, Any] = {"expectation": "exact"}
+        if self.case.etas is not None:
+            steps = {"kind": "paper", "alpha": self.case.step, "beta": self.case.step, **self.case.etas._asdict()}
+            algorithm |= {"steps": steps, "window": self.case.window, "rollout_start": "initial"}
+        content = {
+            "name": "theory",
+            "game": GAME,
+            "learners": LEARNERS,
+            "schedule": dict(self.case.schedule),
+            "iterations": self.iterations,
+            "demonstrations": {"bag": "none", "per_learner": self.iterations},
+            "algorithm": algorithm,
+            "seed": self.seed,
+        }
+        return Experiment.model_validate(content)
+
+    @cached_property
+    def game(self) -> PatrolGame:
+        """Two experts on nine cells: 81 joint states."""
+        game = build_game(self.experiment)
+        if not isinstance(game, PatrolGame):
+            raise TypeError(f"game {type(game).__name__}: expected a patrol game")
+        return game
+
+    @cached_property
+    def experts(self) -> TabularPolicy:
+        """Who demonstrates."""
+        if self.case.hard:
+            return maximum_entropy_policy(self.game, self.game.violation)
+        costs = np.where(self.game.true_constraints, -COST, 0.0)
+        return soft_bellman_policy(self.game, self.game.task_reward + self.game.cost_features.table(costs))
+
+    def streams(self) -> Streams:
+        """Each learner's demonstrations, drawn from the seed."""
+        rng = np.random.default_rng(self.seed)
+        drawn = {name: rollouts(self.game, self.experts, self.iterations, rng) for name in LEARNERS}
+        return {name: [_row(of, k) for k in range(self.iterations)] for name, of in drawn.items()}
+
+    @cached_property
+    def expert_occupancy(self) -> Array:
+        """Expected discounted visits of the experts, shape (S, A)."""
+        return discounted_steps(self.game) * occupancy_measure(self.game, self.experts)
+
+    @cached_property
+    def budget(self) -> Vector:
+        """b: expected mu of the experts, shape (K_omega,)."""
+        return self.game.cost_features.total(visitation(self.expert_occupancy))
+
+    @cached_property
+    def expert_features(self) -> Vector:
+        """Expected grad J of the experts, shape (K_theta,)."""
+        return self.game.reward_features.total(visitation(self.expert_occupancy))
+
+    @cached_property
+    def true_theta(self) -> Vector:
+        """The experts' own reward as weights of the reward features: a cost per step until the goal is reached."""
+        away = np.arange(self.game.n_cells) != self.game.goals[:, None]
+        return np.repeat(np.where(away, -self.game.settings.step_cost, 0.0).ravel(), N_MOVES)
+
+
+def _row(trajectories: Trajectories, k: int) -> Trajectories:
+    return Trajectories(trajectories.states[k : k + 1], trajectories.actions[k : k + 1])
+
+
+def visitation(occupancy: Array) -> Visitation:
+    """The pairs of positive weight."""
+    states, actions = np.nonzero(occupancy)
+    return Visitation(states, actions, occupancy[states, actions])
