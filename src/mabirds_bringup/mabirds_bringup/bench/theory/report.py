@@ -18,7 +18,7 @@ from mabirds_core.consensus.assumptions import validate
 
 TITLE = "Theorem 1 as measured"
 NOTE = (
-    f"{N_LEARNERS} learners, two patrollers on a 3x3 map, exact expectations. Exponents are slopes in log-log axes,"
+    f"{N_LEARNERS} learners, two experts on a 3x3 map, exact expectations. Exponents are slopes in log-log axes,"
     " their 95 % intervals over seeds by Student; consensus from N/50 on, sums and means over iterations from N/10 on."
     f" Steps alpha = beta = {STEP:g}, within the theorem's bound 1/{N_LEARNERS}, where nothing else is said."
     " No exponent: the sum changes its sign. Derivations: docs/theory.md."
