@@ -11,9 +11,11 @@ from mabirds_bringup.console import guarded_output, print_json, progress_bar
 
 
 def theory(
-    seeds: Annotated[int, typer.Option(help="Of the main cases; others have half as many.", min=2, max=1000)] = 8,
+    seeds: Annotated[int, typer.Option(help="Of the main cases; others have half as many.", min=2, max=1000)] = 6,
     first_seed: FirstSeed = FIRST_SEED,
-    iterations: Annotated[int, typer.Option(help="N: updates per learner.", min=20, max=100_000)] = 1500,
+    iterations: Annotated[
+        int, typer.Option(help="N: updates per learner; with hard constraints five times as many.", min=20, max=100_000)
+    ] = 1500,
     jobs: Jobs = 1,
     out: ReportDirectory = Path("runs/bench-theory"),
     as_json: Json = False,

@@ -50,6 +50,8 @@ class TheoryCase:
         Experts who never break a constraint (b = 0), or who do so at times.
     omega : str
         Free; clipped to a box; or with a quadratic price.
+    longer : int
+        Factor of the number of iterations.
     """
 
     group: str
@@ -60,6 +62,7 @@ class TheoryCase:
     schedule: Mapping[str, Any] = field(default_factory=lambda: RING)
     hard: bool = False
     omega: Literal["free", "bounded", "regularised"] = "free"
+    longer: int = 1
 
 
 def _slots(*slots: int) -> dict[str, Any]:
@@ -76,6 +79,15 @@ SCHEDULES: dict[str, Mapping[str, Any]] = {
 }
 """Beside the ring."""
 
+LONGER = 5
+"""How many times as long networks learn hard constraints: their costs settle slowly."""
+
+
+def _hard(omega: Literal["free", "bounded", "regularised"], etas: Etas) -> TheoryCase:
+    label = f"{omega}, {etas_text(etas)}"
+    return TheoryCase("hard", label, etas, LARGE, hard=True, omega=omega, longer=LONGER)
+
+
 RATES = [TheoryCase("rates", etas_text(etas), etas) for etas in SETTINGS]
 """The cases that targets are about; they have all seeds, others half of them."""
 
@@ -87,9 +99,9 @@ OTHERS = [
     TheoryCase("large", f"{etas_text(EQUAL)}, steps {10 * LARGE:g}", step=10 * LARGE),
     *(TheoryCase("window", f"l = {window}", window=window) for window in (10, 100)),
     *(TheoryCase("schedule", name, schedule=schedule) for name, schedule in SCHEDULES.items()),
-    *(TheoryCase("hard", f"free, {etas_text(etas)}", etas, LARGE, hard=True) for etas in SETTINGS),
-    TheoryCase("hard", f"bounded, {etas_text(EQUAL)}", step=LARGE, hard=True, omega="bounded"),
-    TheoryCase("hard", f"regularised, {etas_text(EQUAL)}", step=LARGE, hard=True, omega="regularised"),
+    *(_hard("free", etas) for etas in SETTINGS),
+    _hard("bounded", EQUAL),
+    _hard("regularised", EQUAL),
     TheoryCase("default", "soft constraints", None),
     TheoryCase("default", "hard constraints", None, hard=True),
 ]

@@ -33,13 +33,13 @@ POLICIES_PER_BIN = 4
 
 def measure(case: TheoryCase, iterations: int, seed: int) -> CaseResult:
     """Learn the case with a seed; a row per quantity and bin, at the bin's last iteration."""
-    problem = Problem(case, iterations, seed)
-    compared = policy_iterations(iterations)
+    problem = Problem(case, iterations * case.longer, seed)
+    compared = policy_iterations(problem.iterations)
     values = [
         dict(_quantities(problem, network, compare=n in compared)) for n, network in enumerate(iterates(problem), 1)
     ]
     curves = {name: np.array([row[name] for row in values]) for name in values[0]}
-    floor = MetricsRow(iterations, "floor", demonstration_variance(problem) / (N_LEARNERS * case.window))
+    floor = MetricsRow(problem.iterations, "floor", demonstration_variance(problem) / (N_LEARNERS * case.window))
     return CaseResult(case.group, case.label, "network", seed, [*_rows(curves), floor])
 
 

@@ -7,9 +7,9 @@ import polars as pl
 
 from mabirds_bringup.bench.report import Page, write_report
 from mabirds_bringup.bench.tables import NAME, Column, Section, mean_range_text, number, section
-from mabirds_bringup.bench.theory.cases import BASE, CASES, LARGE, N_LEARNERS, STEP, TheoryCase
+from mabirds_bringup.bench.theory.cases import BASE, CASES, LARGE, LONGER, N_LEARNERS, STEP, TheoryCase
 from mabirds_bringup.bench.theory.claims import claims_section, targets
-from mabirds_bringup.bench.theory.exponents import CUMULATED, exponents, key
+from mabirds_bringup.bench.theory.exponents import CONSENSUS, CUMULATED, exponents, key
 from mabirds_bringup.bench.theory.figures import save_figures
 from mabirds_bringup.bench.theory.inner import inner_rows
 from mabirds_bringup.bench.theory.network import OMEGA_BOUND, WEIGHT
@@ -29,7 +29,7 @@ GROUPS = {
     "large": f"Steps beyond the bound: {LARGE:g} and {10 * LARGE:g}",
     "window": "Windows (first row: l = 1)",
     "schedule": "Schedules (first row: ring)",
-    "hard": f"Hard constraints, b = 0, steps {LARGE:g}: omega free, within {OMEGA_BOUND:g}, with weight {WEIGHT:g}",
+    "hard": f"Hard constraints, b = 0, steps {LARGE:g}, {LONGER} N iterations: omega free, within {OMEGA_BOUND:g}, with weight {WEIGHT:g}",
     "default": "The default rule with the mean of all demonstrations, no step given",
 }
 
@@ -42,12 +42,15 @@ def _value(title: str, column: str) -> Column:
     return Column(title, pl.col(column), number(".3g"))
 
 
-COLUMNS = (
+EXPONENTS = (
     NAME,
-    *(_exponent(f"{name} ~ n^", name) for name in ("theta", "omega", "policy")),
-    *(_value(f"{name} at N", f"{name}_end") for name in ("theta", "omega", "policy")),
+    *(_exponent(f"{name} ~ n^", name) for name in CONSENSUS),
     *(_exponent(f"{name.replace('_', ' ')} ~ N^", name) for name in CUMULATED),
-    *(_value(f"{name.replace('_', ' ')} at N", f"{name}_end") for name in CUMULATED),
+)
+
+VALUES = (
+    Column("", pl.concat_str("group", pl.lit(": "), "name")),
+    *(_value(name.replace("_", " "), f"{name}_end") for name in (*CONSENSUS, *CUMULATED)),
     _value("floor of regret", "floor_end"),
     _value("largest cost at N/10", "largest_cost_tenth"),
     _value("at N", "largest_cost_end"),
@@ -71,9 +74,9 @@ def sections(rows: pl.DataFrame) -> list[Section]:
     tables = [claims_section(rows)]
     for group, title in GROUPS.items():
         first = base if group in {"window", "schedule"} else base.clear()
-        tables.append(section(title, pl.concat([first, rows.filter(group=group)]), COLUMNS))
+        tables.append(section(title, pl.concat([first, rows.filter(group=group)]), EXPONENTS))
     inner = section("The inner problem's optimum at the experts' reward, by L-BFGS", pl.DataFrame(inner_rows()), INNER)
-    return [*tables, schedules_section(), inner]
+    return [*tables, section("Values at N", rows, VALUES), schedules_section(), inner]
 
 
 def schedules_section() -> Section:
