@@ -29,7 +29,10 @@ GROUPS = {
     "large": f"Steps beyond the bound: {LARGE:g} and {10 * LARGE:g}",
     "window": "Windows (first row: l = 1)",
     "schedule": "Schedules (first row: ring)",
-    "hard": f"Hard constraints, b = 0, steps {LARGE:g}, {LONGER} N iterations: omega free, within {OMEGA_BOUND:g}, with weight {WEIGHT:g}",
+    "hard": (
+        f"Hard constraints, b = 0, steps {LARGE:g}, {LONGER} N iterations: omega free, within {OMEGA_BOUND:g}, with"
+        f" weight {WEIGHT:g}"
+    ),
     "default": "The default rule with the mean of all demonstrations, no step given",
 }
 
