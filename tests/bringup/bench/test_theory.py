@@ -14,7 +14,7 @@ from games import central_differences
 
 from mabirds_bringup.bench.frame import frame_of
 from mabirds_bringup.bench.results import CaseResult, curve
-from mabirds_bringup.bench.theory.cases import BASE, CASES, N_LEARNERS, SCHEDULES, SETTINGS, STEP, TheoryCase
+from mabirds_bringup.bench.theory.cases import BASE, CASES, LONGER, N_LEARNERS, SCHEDULES, SETTINGS, STEP, TheoryCase
 from mabirds_bringup.bench.theory.claims import TOLERANCE, targets
 from mabirds_bringup.bench.theory.exponents import exponents, key
 from mabirds_bringup.bench.theory.inner import dual, inner_optimum
@@ -180,6 +180,11 @@ def test_quantities_of_the_first_iterations_by_hand() -> None:
     gradients = [np.mean([of.estimate.gradient.theta for of in network], axis=0) for network in (first, second)]
     assert rows[2, "regret"] == pytest.approx(np.mean([gradient @ gradient for gradient in gradients]))
     assert rows[1, "population"] == pytest.approx(((uniform.theta - problem.expert_features) ** 2).sum())
+
+
+def test_hard_constraints_are_learned_longer() -> None:
+    hard = next(case for case in CASES if case.group == "hard")
+    assert max(row.iteration for row in measure(hard, 4, 1).rows) == 4 * LONGER
 
 
 def test_the_floor_is_the_variance_of_the_demonstrations() -> None:
