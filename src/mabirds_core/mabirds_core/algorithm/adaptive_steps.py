@@ -14,8 +14,9 @@ Other coordinates, such as the weights of a network, take AdaGrad's steps with m
 
     g = e - m,     A <- A + g^2,     M <- .8 M + .2 g,      step = M / sqrt(A)
 
-M and A are a learner's own; theta and omega alone are exchanged. Both kinds of step vanish as n grows and are the same
-for all learners in expectation, as Theorem 1 asks; their size depends on the data, which it does not allow for.
+M and A are a learner's own; theta and omega alone are exchanged. The ratios' steps vanish and their squares are
+summable, as Theorem 1 asks; they are no multiples of the gradient, and learners who saw other demonstrations take other
+ones, which it does not allow for (docs/theory.md).
 """
 
 from typing import Literal, NamedTuple
@@ -25,7 +26,7 @@ import numpy as np
 from mabirds_core.algorithm.gradient import GradientEstimate
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.algorithm.steps import RuleState
-from mabirds_core.arrays import Array, Vector
+from mabirds_core.arrays import Vector
 from mabirds_core.settings import Settings
 
 PRIOR = {"theta": 0.1, "omega": 0.001}
@@ -41,11 +42,10 @@ ADAGRAD_MOMENTUM, FLOOR = 0.8, 1e-12
 """Of other coordinates; FLOOR keeps a coordinate at rest whose gradient was always 0."""
 
 
-class _Coordinates(NamedTuple):
-    """theta's part or omega's: what is expected and demonstrated, and what the rule remembers of it."""
+class _Move(NamedTuple):
+    """theta's part or omega's: the step, and the M and A that the rule remembers after it."""
 
-    expected: Vector
-    demonstrated: Vector
+    step: Vector
     momentum: Vector
     squares: Vector
 
@@ -64,28 +64,33 @@ class AdaptiveSteps(Settings):
         }
 
     def step(self, state: RuleState, estimate: GradientEstimate, n: int) -> tuple[Parameters, RuleState]:
-        """M of theta and omega."""
-        rate = _rate(estimate, n)
-        steps, after = dict[str, Vector](), dict[str, Array]()
+        """What is taken off each, and M and A after it."""
+        rate, moves = _rate(estimate, n), dict[str, _Move]()
         for name in Parameters._fields:
+            momentum, squares = state[f"momentum.{name}"], state[f"squares.{name}"]
             expected, demonstrated = getattr(estimate.imagined, name), getattr(estimate.observed, name)
-            of = _Coordinates(expected, demonstrated, state[f"momentum.{name}"], state[f"squares.{name}"])
             if getattr(estimate.counts, name):
-                after[f"momentum.{name}"] = _ratio_momentum(of, PRIOR[name] / n, rate)
-                after[f"squares.{name}"] = of.squares
-                steps[name] = after[f"momentum.{name}"]
+                after = _ratio_momentum(momentum, expected, demonstrated, PRIOR[name] / n, rate)
+                moves[name] = _Move(after, after, squares)
             else:
-                gradient = estimate.window_fill * (of.expected - of.demonstrated)
-                after[f"squares.{name}"] = of.squares + gradient**2
-                after[f"momentum.{name}"] = ADAGRAD_MOMENTUM * of.momentum + (1 - ADAGRAD_MOMENTUM) * gradient
-                steps[name] = after[f"momentum.{name}"] / np.sqrt(after[f"squares.{name}"] + FLOOR)
-        return Parameters(**steps), after
+                moves[name] = _adagrad(momentum, squares, estimate.window_fill * (expected - demonstrated))
+        remembered = {
+            f"{part}.{name}": getattr(move, part) for name, move in moves.items() for part in ("momentum", "squares")
+        }
+        return Parameters(*(moves[name].step for name in Parameters._fields)), remembered
 
 
-def _ratio_momentum(of: _Coordinates, prior: float, rate: float) -> Vector:
+def _ratio_momentum(momentum: Vector, expected: Vector, demonstrated: Vector, prior: float, rate: float) -> Vector:
     """M <- .7 M + .3 a(n) log((e + c/n) / (m + c/n)); rounding may leave an expectation below 0 by some 1e-17."""
-    ratio = np.log((np.maximum(of.expected, 0.0) + prior) / (of.demonstrated + prior))
-    return np.asarray(MOMENTUM * of.momentum + (1 - MOMENTUM) * rate * ratio)
+    ratio = np.log((np.maximum(expected, 0.0) + prior) / (demonstrated + prior))
+    return np.asarray(MOMENTUM * momentum + (1 - MOMENTUM) * rate * ratio)
+
+
+def _adagrad(momentum: Vector, squares: Vector, gradient: Vector) -> _Move:
+    """A <- A + g^2, M <- .8 M + .2 g, step M / sqrt(A)."""
+    squares = squares + gradient**2
+    momentum = ADAGRAD_MOMENTUM * momentum + (1 - ADAGRAD_MOMENTUM) * gradient
+    return _Move(momentum / np.sqrt(squares + FLOOR), momentum, squares)
 
 
 def _rate(estimate: GradientEstimate, n: int) -> float:

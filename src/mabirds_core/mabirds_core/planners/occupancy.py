@@ -111,6 +111,12 @@ def discounted_steps(game: TabularGame) -> float:
     return float((game.discount ** np.arange(game.horizon + 1)).sum())
 
 
+def pairs_of(counts: Array) -> Visitation:
+    """The pairs of positive count, ``counts`` of shape (S, A), as a visitation: for totals of features."""
+    states, actions = np.nonzero(counts)
+    return Visitation(states, actions, counts[states, actions])
+
+
 @dataclass(frozen=True)
 class SampledOccupancy:
     """Means over ``count`` rollouts: the paper's m trajectories zeta^j."""
@@ -145,6 +151,4 @@ class ExactOccupancy:
         occupancy = occupancy_measure(self.game, policy, starts)
         if not np.isclose(occupancy.sum(), 1.0, rtol=0, atol=1e-9):
             raise InfeasibleError(BLOCKED)
-        weights = discounted_steps(self.game) * occupancy
-        states, actions = np.nonzero(weights)
-        return Visitation(states, actions, weights[states, actions])
+        return pairs_of(discounted_steps(self.game) * occupancy)

@@ -16,7 +16,7 @@ from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Vector
 from mabirds_core.games.interface import TabularGame, Trajectories, Visitation, discounted_visitation
 from mabirds_core.metrics.likelihood import log_likelihoods
-from mabirds_core.planners.occupancy import discounted_steps, occupancy_measure
+from mabirds_core.planners.occupancy import discounted_steps, occupancy_measure, pairs_of
 from mabirds_core.planners.soft_bellman import SoftBellmanPolicy, soft_bellman_policy
 
 MAX_EVALUATIONS = 80
@@ -38,8 +38,7 @@ def pooled_loss(game: TabularGame, demonstrations: Trajectories) -> Callable[[Ve
     def loss(x: Vector) -> tuple[float, Vector]:
         policy = policy_of(game, x)
         occupancy = discounted_steps(game) * occupancy_measure(game, policy, starts)
-        states, actions = np.nonzero(occupancy)
-        expected = _counts(game, Visitation(states, actions, occupancy[states, actions]))
+        expected = _counts(game, pairs_of(occupancy))
         return float(policy.values[0][starts].mean() - x @ observed), expected - observed
 
     return loss

@@ -6,11 +6,12 @@ from typing import Any
 from mabirds_bringup.bench.behaviour.counting import counting_scores
 from mabirds_bringup.bench.behaviour.draw import Draw, draw, with_paper_steps
 from mabirds_bringup.bench.behaviour.pooled import pooled_optimum
+from mabirds_bringup.evaluate.evaluation import learned_constraints
 from mabirds_core.algorithm.memory import stacked
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Mask, Vector
 from mabirds_core.errors import ExperimentError
-from mabirds_core.experiment.assembly import build_game, evaluation_policy, reward_of
+from mabirds_core.experiment.assembly import build_game, evaluation_policy
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History, simulate, simulate_central
 from mabirds_core.games.interface import Trajectories, discounted_visitation
@@ -105,15 +106,12 @@ class _Judged:
         }
 
     def _constraints(self, experiment: Experiment, name: str, parameters: Parameters, shown: Trajectories) -> Row:
-        reward = reward_of(experiment, name, self._game)
-        if reward is None:
-            learned, scores = by_threshold(parameters.omega, experiment.constraint_threshold), -parameters.omega
-        else:
-            scores = self._game.judge.constraint_confidences(reward, parameters, shown)
-            learned = scores >= experiment.constraint_confidence
+        learned, confidences, _, _ = learned_constraints(
+            experiment, name, parameters, self._problem.streams, self._game
+        )
         threshold = by_threshold(parameters.omega, experiment.constraint_threshold)
         of_paper = constraint_errors(threshold, self._game.true_constraints)
-        errors = self._errors(learned, scores, shown)
+        errors = self._errors(learned, -parameters.omega if confidences is None else confidences, shown)
         return {**errors, "threshold_fdr": of_paper.false_discovery_rate, "threshold_fpr": of_paper.false_positive_rate}
 
     def _errors(self, learned: Mask, scores: Vector, shown: Trajectories) -> Row:

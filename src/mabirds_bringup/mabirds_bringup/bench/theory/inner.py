@@ -13,9 +13,9 @@ from scipy.optimize import minimize
 
 from mabirds_bringup.bench.theory.cases import TheoryCase
 from mabirds_bringup.bench.theory.network import WEIGHT
-from mabirds_bringup.bench.theory.problem import Problem, visitation
+from mabirds_bringup.bench.theory.problem import Problem
 from mabirds_core.arrays import Vector
-from mabirds_core.planners.occupancy import discounted_steps, occupancy_measure
+from mabirds_core.planners.occupancy import discounted_steps, occupancy_measure, pairs_of
 from mabirds_core.planners.soft_bellman import soft_bellman_policy
 
 TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4)
@@ -40,7 +40,7 @@ def dual(problem: Problem, omega: Vector) -> tuple[float, Vector]:
     game, weight = problem.game, WEIGHT if problem.case.omega == "regularised" else 0.0
     reward = game.reward_features.table(problem.true_theta) + game.cost_features.table(omega)
     policy = soft_bellman_policy(game, reward)
-    expected = game.cost_features.total(visitation(discounted_steps(game) * occupancy_measure(game, policy)))
+    expected = game.cost_features.total(pairs_of(discounted_steps(game) * occupancy_measure(game, policy)))
     value = game.initial_distribution @ policy.values[0] - omega @ problem.budget + weight / 2 * omega @ omega
     return float(value), expected - problem.budget + weight * omega
 

@@ -16,9 +16,9 @@ from mabirds_core.arrays import Array, Vector
 from mabirds_core.experiment.assembly import build_game
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import Streams
-from mabirds_core.games.interface import Trajectories, Visitation
+from mabirds_core.games.interface import Trajectories
 from mabirds_core.planners.interface import TabularPolicy
-from mabirds_core.planners.occupancy import discounted_steps, occupancy_measure, rollouts
+from mabirds_core.planners.occupancy import discounted_steps, occupancy_measure, pairs_of, rollouts
 from mabirds_core.planners.soft_bellman import maximum_entropy_policy, soft_bellman_policy
 
 GAME = {
@@ -86,12 +86,12 @@ class Problem:
     @cached_property
     def budget(self) -> Vector:
         """b: expected mu of the experts, shape (K_omega,)."""
-        return self.game.cost_features.total(visitation(self.expert_occupancy))
+        return self.game.cost_features.total(pairs_of(self.expert_occupancy))
 
     @cached_property
     def expert_features(self) -> Vector:
         """Expected grad J of the experts, shape (K_theta,)."""
-        return self.game.reward_features.total(visitation(self.expert_occupancy))
+        return self.game.reward_features.total(pairs_of(self.expert_occupancy))
 
     @cached_property
     def true_theta(self) -> Vector:
@@ -103,9 +103,3 @@ class Problem:
 
 def _row(trajectories: Trajectories, k: int) -> Trajectories:
     return Trajectories(trajectories.states[k : k + 1], trajectories.actions[k : k + 1])
-
-
-def visitation(occupancy: Array) -> Visitation:
-    """The pairs of positive weight."""
-    states, actions = np.nonzero(occupancy)
-    return Visitation(states, actions, occupancy[states, actions])

@@ -18,8 +18,8 @@ import numpy as np
 
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Array, Mask, Vector, weighted_counts
-from mabirds_core.games.interface import TabularGame, Trajectories, Visitation, discounted_visitation
-from mabirds_core.planners.occupancy import discounted_steps, occupancy_measure
+from mabirds_core.games.interface import TabularGame, Trajectories, discounted_visitation
+from mabirds_core.planners.occupancy import discounted_steps, occupancy_measure, pairs_of
 from mabirds_core.planners.soft_bellman import soft_bellman_policy
 from mabirds_core.rewards.models import TabularRewardModel
 
@@ -91,10 +91,8 @@ def constraint_confidences(
 
 def _expected_counts(game: TabularGame, table: Array) -> Vector:
     """E_pi sum gamma^t f of the reward features, shape (K_f,), and 0 below SELDOM."""
-    occupancy = occupancy_measure(game, soft_bellman_policy(game, table))
-    states, actions = np.nonzero(occupancy)
-    weights = discounted_steps(game) * occupancy[states, actions]
-    counts = game.reward_features.total(Visitation(states, actions, weights))
+    occupancy = discounted_steps(game) * occupancy_measure(game, soft_bellman_policy(game, table))
+    counts = game.reward_features.total(pairs_of(occupancy))
     return np.where(counts >= SELDOM, counts, 0.0)
 
 
