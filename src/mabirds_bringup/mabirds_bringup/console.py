@@ -43,12 +43,15 @@ def progress_bar() -> Progress:
 
 
 def summary_table(summary: dict[str, Any]) -> Table:
-    """The summary of a run for the terminal."""
+    """The summary of a run for the terminal, 80 columns wide.
+
+    late: the least SR of the last 15 iterations; forbidden: learned constraints; open: features that are undetermined.
+    """
     experts = summary["expert_log_likelihood"]
-    title = f"{summary['experiment']}: constraints by {summary['constraint_rule']}"
-    table = Table(title=title if experts is None else f"{title}; the experts' own likelihood {experts:.2f} nats")
-    for column in ("learner", "iterations", "CVR", "SR", "late SR", "nats", "constraints", "FDR", "undetermined"):
-        table.add_column(column, justify="left" if column == "learner" else "right")
+    caption = None if experts is None else f"the experts' own likelihood {experts:.2f} nats"
+    table = Table(title=f"{summary['experiment']}: constraints by {summary['constraint_rule']}", caption=caption)
+    for column in ("learner", "n", "CVR", "SR", "late", "nats", "forbidden", "FDR", "open"):
+        table.add_column(column, justify="left" if column == "learner" else "right", no_wrap=True)
     for name, row in summary["learners"].items():
         table.add_row(
             name,

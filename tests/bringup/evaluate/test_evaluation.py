@@ -86,6 +86,7 @@ def test_the_summary_names_what_it_holds(learned: Learned, content: dict[str, An
             "iterations",
             "violation_rate",
             "success_rate",
+            "success_first_iteration",
             "success_late_mean",
             "success_late_minimum",
             "success_stays_from_iteration",
@@ -197,7 +198,7 @@ def test_the_table_shows_the_worst_late_rate_and_the_likelihood(content: dict[st
     ):
         assert shown in text
     bare = {**row, "held_out_log_likelihood": None, "undetermined": None}
-    assert "nats;" not in text_of({**content, "expert_log_likelihood": None, "learners": {"learner_1": bare}})
+    assert "own likelihood" not in text_of({**content, "expert_log_likelihood": None, "learners": {"learner_1": bare}})
 
 
 def test_a_run_directory_holds_the_summary_and_a_page(

@@ -15,7 +15,7 @@ from mabirds_core.experiment.simulate import History, Streams
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.games.whole_game import Game
 from mabirds_core.metrics.constraints import ConstraintErrors, by_threshold, constraint_errors, ranking_auc
-from mabirds_core.metrics.curves import late_mean, late_minimum, stays_from
+from mabirds_core.metrics.curves import first_at, late_mean, late_minimum, stays_from
 from mabirds_core.metrics.metrics import consensus_distance
 
 HELD_OUT = 200
@@ -185,13 +185,15 @@ def _learner_summary(
     experiment: Experiment, evaluation: Evaluation, name: str, features: Sequence[str]
 ) -> Mapping[str, Any]:
     rows, constraints = evaluation.of(name), evaluation.constraints[name]
-    success, settled = [row.success_rate for row in rows], stays_from([row.success_rate for row in rows], LEVEL)
+    success = [row.success_rate for row in rows]
+    first, settled = first_at(success, LEVEL), stays_from(success, LEVEL)
     return {
         "iterations": min(rows[-1].iteration - 1, experiment.iterations),
         "violation_rate": rows[-1].violation_rate,
         "success_rate": rows[-1].success_rate,
         "success_late_mean": late_mean(success),
         "success_late_minimum": late_minimum(success),
+        "success_first_iteration": None if first is None else rows[first].iteration,
         "success_stays_from_iteration": None if settled is None else rows[settled].iteration,
         "held_out_log_likelihood": rows[-1].held_out_log_likelihood,
         "occupancy_distance": evaluation.occupancy_distance[name],
