@@ -1,14 +1,13 @@
 """The behaviour benchmark: its parts by hand and by brute force, and the command on two games."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import polars as pl
 import pytest
+from bench_command import printed
 from games import central_differences, hallway, log_likelihoods, patrol, square
 
 from mabirds_bringup.bench.behaviour.counting import counting_scores
@@ -26,7 +25,6 @@ from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_core.planners.occupancy import rollouts
 from mabirds_core.planners.soft_bellman import soft_bellman_policy
 
-MABIRDS_COMMAND = str(Path(sys.executable).with_name("mabirds"))
 CENTRAL = ("bics", "ftl", "dlm", "me_greedy")
 
 
@@ -245,12 +243,11 @@ def test_a_trial_has_a_row_per_method_and_learner(trial: list[dict[str, Any]]) -
 def report(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
     """The command on two games, on one of which all methods learn: its directory, and what it printed."""
     cwd = tmp_path_factory.mktemp("behaviour")
-    options = "--maps 2 --first-seed 6 --central-maps 1 --demonstrations 2 --out out --json"
-    command = [MABIRDS_COMMAND, "bench", "behaviour", *options.split()]
-    done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=240, check=False)
-    assert done.returncode == 0, done.stderr
-    content: dict[str, Any] = json.loads(done.stdout, parse_constant=pytest.fail)  # NaN is no JSON
-    return cwd / "out", content
+    return cwd / "out", printed(
+        cwd,
+        "behaviour",
+        *["--maps", "2", "--first-seed", "6", "--central-maps", "1", "--demonstrations", "2", "--out", "out"],
+    )
 
 
 def test_the_command_writes_a_report(report: tuple[Path, dict[str, Any]]) -> None:

@@ -1,8 +1,6 @@
 """The theory benchmark: slopes against known ones, the network against ``simulate``, identities, and the command."""
 
 import json
-import subprocess
-import sys
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -10,6 +8,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 import pytest
+from bench_command import printed
 from games import central_differences
 
 from mabirds_bringup.bench.frame import frame_of
@@ -27,7 +26,6 @@ from mabirds_core.consensus.assumptions import connectivity_window
 from mabirds_core.experiment.simulate import simulate
 from mabirds_core.games.interface import discounted_visitation
 
-MABIRDS_COMMAND = str(Path(sys.executable).with_name("mabirds"))
 HARD = TheoryCase("test", "hard", hard=True)
 BOUNDED = TheoryCase("test", "bounded", step=40.0, hard=True, omega="bounded")
 REGULARISED = TheoryCase("test", "regularised", hard=True, omega="regularised")
@@ -263,12 +261,7 @@ def test_targets_are_met_by_what_the_update_implies_and_missed_by_what_is_printe
 def report(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
     """The command with two seeds and few iterations: its directory, and what it printed."""
     cwd = tmp_path_factory.mktemp("theory")
-    options = "--seeds 2 --iterations 20 --out out --json"
-    command = [MABIRDS_COMMAND, "bench", "theory", *options.split()]
-    done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, timeout=240, check=False)
-    assert done.returncode == 0, done.stderr
-    content: dict[str, Any] = json.loads(done.stdout, parse_constant=pytest.fail)  # NaN is no JSON
-    return cwd / "out", content
+    return cwd / "out", printed(cwd, "theory", *["--seeds", "2", "--iterations", "20", "--out", "out"])
 
 
 def test_the_command_writes_a_report(report: tuple[Path, dict[str, Any]]) -> None:
