@@ -11,7 +11,7 @@ import pytest
 import yaml
 from namespaces import VirtualLan, obstacle, virtual_lan
 
-from mabirds_bringup.commands.simulate import simulate_from_bag
+from mabirds_bringup.commands.simulate import demonstrations_of, simulate_with_progress
 from mabirds_bringup.evaluate.evaluation import evaluate, summary
 from mabirds_bringup.run.network import Network
 from mabirds_core.errors import ExperimentError
@@ -53,16 +53,22 @@ def settings() -> dict[str, Any]:
 
 @on_hosts
 def test_two_halves_complete_and_agree(make_experiment: Callable[..., Path], tmp_path: Path, run_half: Run) -> None:
-    file = make_experiment(**settings())
-    halves = {host: run_half(host, file) for host in HALVES}
-    experiment = load_experiment(file)
-    expected = summary(experiment, evaluate(experiment, simulate_from_bag(experiment)), 0.0)
+    """The left host has no bag, as it has no player: it cannot test constraints and tells them by the threshold."""
+    files = {"right": make_experiment(**settings()), "left": tmp_path / "without_bag.yaml"}
+    content = yaml.safe_load(files["right"].read_text(encoding="utf-8"))
+    content["demonstrations"]["bag"] = "nowhere"
+    files["left"].write_text(yaml.safe_dump(content), encoding="utf-8")
+    halves = {host: run_half(host, files[host]) for host in HALVES}
+    experiment = load_experiment(files["right"])
+    streams = demonstrations_of(experiment)
+    history = simulate_with_progress(experiment, streams, None)
     for host, process in halves.items():
         output, _ = process.communicate(timeout=60)
         assert process.returncode == 0, output
         found = json.loads((tmp_path / host / "latest" / "summary.json").read_text(encoding="utf-8"))
-        assert found["learners"] == expected["learners"]
-        assert found["consensus_distance"] == expected["consensus_distance"]
+        expected = summary(experiment, evaluate(experiment, history, streams if host == "right" else {}), 0.0)
+        assert {**found, "wall_seconds": 0.0, "delivered_graph": None} == {**expected, "delivered_graph": None}
+        assert ("test at confidence" in found["constraint_rule"]) == (host == "right")
         logs = {log.stem for log in (tmp_path / host / "latest" / "logs").glob("*.log")}
         assert logs == set(HALVES[host])
 

@@ -18,6 +18,7 @@ from mabirds_bringup.run.supervisor import Supervisor
 from mabirds_bringup.watch.live_table import live_table, plain_line
 from mabirds_bringup.watch.monitor import MonitorNode
 from mabirds_core.experiment.file import Experiment, load_experiment
+from mabirds_core.experiment.simulate import Streams
 
 LINE_PERIOD = 2.0
 """Seconds between two lines of progress where the output is not a terminal."""
@@ -67,11 +68,19 @@ def run(  # noqa: PLR0913, PLR0917 - the options of a command
         if delivered and result.mass_residual is not None:
             delivered |= {"late": len(delivered.pop("edge_mismatches")), "mass_residual": result.mass_residual}
         seconds = time.monotonic() - start
-        content = write_results(
-            experiment, result.history, demonstrations_of(experiment), directory, seconds, delivered
-        )
+        demonstrations = _at_hand(experiment)
+        content = write_results(experiment, result.history, demonstrations, directory, seconds, delivered)
         if as_json:
             print_json(content, stdout)
+
+
+def _at_hand(experiment: Experiment) -> Streams:
+    """The demonstrations that learners had, for the test of constraints; none on a host without the bag."""
+    bag = experiment.demonstrations.bag
+    if bag.exists():
+        return demonstrations_of(experiment)
+    console.print(f"{bag} is not on this host: constraints are told by the threshold on -omega", soft_wrap=True)
+    return {}
 
 
 class _Display:

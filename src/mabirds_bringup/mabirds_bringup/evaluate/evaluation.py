@@ -86,7 +86,7 @@ def evaluate(
     history : History
         theta and omega of each learner or method.
     demonstrations : Streams
-        Each learner's, from which it learned.
+        Each learner's, from which it learned; empty where they are not at hand.
     on_row : Callable
         Called after each iteration that was judged.
 
@@ -140,11 +140,12 @@ def _mean_likelihood(game: Game, policy: Any, held_out: Trajectories | None) -> 
 def learned_constraints(
     experiment: Experiment, name: str, parameters: Parameters, demonstrations: Streams, game: Game
 ) -> Constraints:
-    """What ``name`` takes for constraints, by the game's test where it has one, and else by the threshold."""
+    """What ``name`` takes for constraints; by the threshold where there is no test, or are no demonstrations."""
     streams = [demonstrations[learner] for learner in ([name] if name in demonstrations else demonstrations)]
-    shown = stacked([demonstration for stream in streams for demonstration in stream[: experiment.iterations]])
-    reward = reward_of(experiment, name, game)
-    confidences = None if reward is None else game.judge.constraint_confidences(reward, parameters, shown)
+    confidences, reward = None, reward_of(experiment, name, game)
+    if streams and reward is not None:
+        shown = stacked([demonstration for stream in streams for demonstration in stream[: experiment.iterations]])
+        confidences = game.judge.constraint_confidences(reward, parameters, shown)
     if confidences is None:
         learned, scores = by_threshold(parameters.omega, experiment.constraint_threshold), -parameters.omega
     else:
