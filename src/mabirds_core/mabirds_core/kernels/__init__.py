@@ -1,0 +1,1 @@
+"""Compiled kernels: loops of the learning path in C, with the same bits on every processor."""

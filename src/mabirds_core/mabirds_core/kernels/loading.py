@@ -1,0 +1,39 @@
+"""Where the compiled kernels are, if they were compiled."""
+
+import ctypes
+import importlib.util
+import logging
+import os
+from functools import cache
+
+import numpy as np
+
+SWITCH = "MABIRDS_KERNELS"
+"""Environment variable; "off": do without compiled kernels."""
+
+
+@cache
+def library() -> ctypes.CDLL | None:
+    """The compiled kernels, or None: numpy has to do, and the log says so once."""
+    if os.environ.get(SWITCH) == "off":
+        return None
+    place = importlib.util.find_spec("mabirds_core.kernels.library")
+    if place is None or place.origin is None:
+        logging.getLogger(__name__).warning(
+            "no compiled kernels: learning takes several times as long; install mabirds_core where there is gcc"
+        )
+        return None
+    return ctypes.CDLL(place.origin)
+
+
+def pointer(array: np.ndarray, dtype: type = np.float64) -> ctypes.c_void_p:
+    """Where a contiguous array of ``dtype`` lies; C sees neither shapes nor types, so they are checked here.
+
+    Raises
+    ------
+    ValueError
+        The array is of another type, or has gaps.
+    """
+    if array.dtype != dtype or not array.flags.c_contiguous:
+        raise ValueError(f"a kernel takes contiguous {np.dtype(dtype)}, found {array.dtype} {array.flags}")
+    return ctypes.c_void_p(array.ctypes.data)
