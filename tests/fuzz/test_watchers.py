@@ -11,7 +11,7 @@ from harness import NODES, few, sent_to
 from hypothesis import given
 from hypothesis import strategies as st
 from junk import made_up, spoil, spoiled
-from mabirds_msgs.msg import EdgeSchedule, LearnerStatus
+from mabirds_msgs.msg import Constraints, EdgeSchedule, LearnerStatus
 from mabirds_msgs.msg import Parameters as ParametersMessage
 from truth import Truth, bits
 
@@ -22,6 +22,7 @@ from mabirds_bringup.watch.live_table import plain_line
 from mabirds_bringup.watch.monitor import MonitorNode
 from mabirds_core.texts import sanitize
 from mabirds_msgs_py.bag_writer import BagWriter
+from mabirds_msgs_py.constraints_conversion import constraints_text
 
 
 @pytest.fixture
@@ -57,11 +58,15 @@ def test_a_monitor_believes_only_what_learners_can_have_said(truth: Truth, monit
         st.one_of(spoiled(lambda: truth.parameters("learner_1", 3)), made_up(ParametersMessage)),
         st.one_of(spoiled(lambda: truth.status("learner_1", iteration=3)), made_up(LearnerStatus)),
         st.one_of(spoiled(truth.schedule), made_up(EdgeSchedule)),
+        st.one_of(spoiled(lambda: truth.constraints("learner_1")), made_up(Constraints)),
     )
-    def check(parameters: ParametersMessage, status: LearnerStatus, schedule: EdgeSchedule) -> None:
+    def check(
+        parameters: ParametersMessage, status: LearnerStatus, schedule: EdgeSchedule, constraints: Constraints
+    ) -> None:
         sent_to(monitor, "/learner_1/parameters", parameters)
         sent_to(monitor, "/learner_1/status", status)
         sent_to(monitor, "/learner_1/edge_schedule", schedule)
+        sent_to(monitor, "/learner_1/constraints", constraints)
         assert heard(monitor) == expected
         shown(truth, monitor)
 
@@ -117,6 +122,23 @@ def test_parameters_that_do_not_fit_are_not_shown(
     assert heard(monitor)["learner_1"] == [bits(truth.history["learner_1"][0])]
 
 
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"learner": "learner_2"}, "wrong_learner"),
+        ({"experiment_digest": "other"}, "wrong_experiment"),
+        ({"names": []}, "wrong_shape"),
+        ({"names": ["a wall"], "confidences": [1.0]}, "impossible_constraints"),
+    ],
+)
+def test_constraints_that_lie_are_not_recorded(
+    truth: Truth, monitor: MonitorNode, changes: dict[str, Any], reason: str
+) -> None:
+    sent_to(monitor, "/learner_1/constraints", spoil(truth.constraints("learner_1"), **changes))
+    sent_to(monitor, "/learner_1/constraints", truth.constraints("learner_1"))
+    assert monitor.drops == {reason: 1}
+
+
 def test_a_time_before_all_times_is_recorded_as_the_first(truth: Truth, monitor: MonitorNode) -> None:
     message = truth.parameters("learner_1", 1)
     message.stamp.sec = -5
@@ -151,16 +173,21 @@ def test_an_inspector_shows_messages_of_any_content(truth: Truth, nodes: Any, co
         st.one_of(spoiled(lambda: truth.parameters("learner_1", 3)), made_up(ParametersMessage)),
         st.one_of(spoiled(lambda: truth.status("learner_1", iteration=3)), made_up(LearnerStatus)),
         st.one_of(spoiled(truth.schedule), made_up(EdgeSchedule)),
+        st.one_of(spoiled(lambda: truth.constraints("learner_1")), made_up(Constraints)),
     )
-    def check(parameters: ParametersMessage, status: LearnerStatus, schedule: EdgeSchedule) -> None:
+    def check(
+        parameters: ParametersMessage, status: LearnerStatus, schedule: EdgeSchedule, constraints: Constraints
+    ) -> None:
         sent_to(inspector, "/learner_1/parameters", parameters)
         sent_to(inspector, "/learner_1/status", status)
         sent_to(inspector, "/learner_1/edge_schedule", schedule)
+        sent_to(inspector, "/learner_1/constraints", constraints)
         content = describe(learner, top=3)
         assert json.dumps(content, allow_nan=False)
-        line = sanitize(_status_line(content), 1000)
-        assert len(line) < 20_000
-        assert line.isprintable()
+        for line in (_status_line(content), constraints_text(learner.constraints or Constraints(), 3)):
+            text = sanitize(line, 1000)
+            assert len(text) < 20_000
+            assert text.isprintable()
         assert set(inspector.missing()) <= {"learner_2"}
 
     check()

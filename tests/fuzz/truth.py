@@ -6,9 +6,10 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from hypothesis import strategies as st
 from junk import made_up, spoiled
-from mabirds_msgs.msg import Demonstration, LearnerStatus
+from mabirds_msgs.msg import Constraints, Demonstration, LearnerStatus
 from mabirds_msgs.msg import EdgeSchedule as EdgeScheduleMessage
 from mabirds_msgs.msg import Parameters as ParametersMessage
 
@@ -20,6 +21,7 @@ from mabirds_core.experiment.simulate import History, simulate
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_msgs_py.bag_reader import DemonstrationBag
+from mabirds_msgs_py.constraints_conversion import constraints_message
 from mabirds_msgs_py.conversion import parameters_message, read_demonstration, read_parameters, schedule_message
 
 
@@ -70,6 +72,12 @@ class Truth:
         )
         for name, value in changes.items():
             setattr(message, name, value)
+        return message
+
+    def constraints(self, learner: str) -> Constraints:
+        names, confidences = self.game.cost_features.names, np.linspace(-1.0, 1.0, len(self.game.cost_features.names))
+        message = constraints_message(names, confidences, self.experiment.constraint_confidence)
+        message.learner, message.experiment_digest = learner, self.experiment.digest
         return message
 
     def schedule(self) -> EdgeScheduleMessage:

@@ -11,9 +11,10 @@ from rclpy.context import Context
 from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
 
 from mabirds_bringup.commands.simulate import demonstrations_of, simulate_from_bag, simulate_with_progress
-from mabirds_bringup.evaluate.evaluation import evaluate
+from mabirds_bringup.evaluate.evaluation import evaluate, summary
 from mabirds_bringup.evaluate.results import audit
 from mabirds_bringup.run.network import PLAYER, Network
+from mabirds_bringup.watch.inspector import InspectorNode, describe
 from mabirds_bringup.watch.monitor import MonitorNode
 from mabirds_core.experiment.file import load_experiment
 from mabirds_core.metrics.curves import late_minimum
@@ -58,18 +59,33 @@ MIXING: dict[str, dict[str, Any]] = {"strict": {}, "resilient": {"mixing": {"kin
 def test_nodes_with_the_default_rule_equal_the_reference(
     make_experiment: Callable[..., Path], nodes: Any, context: Context, tmp_path: Path, mixing: str
 ) -> None:
-    """Nothing is said about how to learn: momenta and sums stay with their learners."""
+    """Nothing is said about how to learn: momenta and sums stay with their learners, who end by naming constraints."""
     change = {"algorithm": {}, "closing_rounds": 1, **MIXING[mixing]}
     schedule = {"kind": "static", "graph": "ring"}
     file = make_experiment(iterations=8, learners=4, schedule=schedule, change=change)
     experiment = load_experiment(file)
+    inspector = nodes.add(InspectorNode(context=context))
     with BagWriter(tmp_path / "recording") as recording:
         monitor = nodes.add(MonitorNode(experiment, recording, context=context))
         for name in experiment.learners:
             nodes.learner(file, name)
         nodes.player(file, hz=50.0)
-        nodes.spin_until(lambda: monitor.finished)
-    assert_same_histories(monitor.history(), simulate_from_bag(experiment))
+        nodes.spin_until(lambda: monitor.finished and len(named(inspector)) == 4)
+    history = simulate_from_bag(experiment)
+    assert_same_histories(monitor.history(), history)
+    assert not monitor.drops
+    summaries = summary(experiment, evaluate(experiment, history, demonstrations_of(experiment)), 0.0)["learners"]
+    for name, constraints in named(inspector).items():
+        assert constraints["by_name"] == summaries[name]["learned_constraints"]
+        assert constraints["undetermined"] == summaries[name]["undetermined"] > 0
+        assert (constraints["iteration"], constraints["level"]) == (10, experiment.constraint_confidence)
+        assert f"{len(constraints['by_name'])} constraints at confidence" in monitor.statuses[name].message
+
+
+def named(inspector: InspectorNode) -> dict[str, Any]:
+    """What learners have said to be forbidden, by their names."""
+    contents = {namespace: describe(learner, top=3) for namespace, learner in inspector.learners.items()}
+    return {name[1:]: content["constraints"] for name, content in contents.items() if "constraints" in content}
 
 
 @pytest.mark.parametrize(

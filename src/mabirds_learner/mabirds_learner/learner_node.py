@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from mabirds_msgs.msg import Demonstration
+from mabirds_msgs.msg import Constraints, Demonstration
 from mabirds_msgs.srv import FetchParameters
 
 from mabirds_core.consensus.push_sum_mixer import ResilientMixing
@@ -25,15 +25,19 @@ from mabirds_learner.push_sum_member import PushSumMember
 from mabirds_learner.strict_exchange import StrictExchange
 from mabirds_learner.strict_member import StrictMember, default_history
 from mabirds_msgs_py import topics
+from mabirds_msgs_py.constraints_conversion import constraints_message, constraints_text
 from mabirds_msgs_py.conversion import read_demonstration
 from mabirds_msgs_py.environment import prepare_environment
 from mabirds_msgs_py.node_main import run_node
 from mabirds_msgs_py.presence import LivelinessMonitor
-from mabirds_msgs_py.qos import LIVELINESS_LEASE, latched
+from mabirds_msgs_py.qos import LIVELINESS_LEASE, STATUS_QOS, latched
 from mabirds_msgs_py.ros_parameters import bool_param, int_param, str_param
 
 DUPLICATE_NAME = "duplicate_name"
 """Counted at each look at which several processes are seen to publish as one neighbour."""
+
+NAMED = 3
+"""Constraints that the last status names."""
 
 
 class LearnerNode(ProgressNode):
@@ -59,6 +63,7 @@ class LearnerNode(ProgressNode):
         self.presence = LivelinessMonitor(self._on_presence)
         self.session, self._exchange = self._session_and_exchange()
         self._checkpoints = self._open_checkpoints()
+        self._constraints_publisher = self.create_publisher(Constraints, topics.CONSTRAINTS, STATUS_QOS)
         self.start(self.session.learner.game, self.parameter_history)
         history = latched(self.get_param("demonstration_history"))
         self.create_subscription(Demonstration, topics.DEMONSTRATION, self._on_demonstration, history)
@@ -119,11 +124,26 @@ class LearnerNode(ProgressNode):
         """Also what an earlier life of this learner may have taken along unsent."""
         for iteration, parameters in self.session.kept.items():
             self.publish_parameters(iteration, parameters)
+        self._publish_constraints()
 
     def publish_update(self) -> None:
-        """theta and omega, and what neighbours are to have of them."""
+        """theta and omega, what neighbours are to have of them, and at the end what is forbidden by them."""
+        if constraints := self._publish_constraints():
+            self.set_event(constraints)
         super().publish_update()
         self._exchange.publish()
+
+    def _publish_constraints(self) -> str:
+        """Tell what is forbidden, once all is learned, for the test takes a solve per feature; returns the surest."""
+        confidences = self.session.constraint_confidences() if self.session.finished else None
+        if confidences is None:
+            return ""
+        names, level = self.game.cost_features.names, self.experiment.constraint_confidence
+        message = constraints_message(names, confidences, level)
+        message.stamp, message.learner, message.iteration = self.stamp(), self.learner_name, self.session.iteration
+        message.experiment_digest = self.experiment_digest
+        self._constraints_publisher.publish(message)
+        return constraints_text(message, NAMED)
 
     def _on_demonstration(self, message: Demonstration) -> None:
         try:

@@ -11,7 +11,7 @@ import numpy as np
 from mabirds_core.algorithm.learner import Learner, LearnerState
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.algorithm.storage import parameters_of, to_arrays
-from mabirds_core.arrays import Array
+from mabirds_core.arrays import Array, Vector
 from mabirds_core.errors import CheckpointError
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.metrics.metrics import norms
@@ -138,6 +138,17 @@ class LearnerSession(SessionState, Generic[AMember]):
         judge = getattr(self.learner.game, "judge", None)
         nats = None if judge is None else judge.log_likelihoods(policy, demonstration)
         return {} if nats is None or not np.isfinite(nats).all() else {LIKELIHOOD: float(nats.mean())}
+
+    def constraint_confidences(self) -> Vector | None:
+        """Confidence that each cost feature is a constraint, by this learner's demonstrations until now, shape (K,).
+
+        None where there was none, or where the game or the memory of them cannot say.
+        """
+        judge, shown = getattr(self.learner.game, "judge", None), self.state.memory.shown
+        if judge is None or shown is None or not shown.demonstrations:
+            return None
+        confidences: Vector | None = judge.constraint_confidences(self.learner.estimator.reward, self.parameters, shown)
+        return confidences
 
     def _on_join(self) -> None:
         """What others learned before this learner joined is not its to learn."""

@@ -207,9 +207,29 @@ def require_sender(message: Any, learner: str, experiment_digest: str, schedule_
     RefusedMessageError
         It is from somebody else.
     """
+    require_learner(message, learner, experiment_digest)
+    _require("wrong_schedule", "schedule digest", message.schedule_digest, schedule_digest)
+
+
+def require_learner(message: Any, learner: str, experiment_digest: str) -> None:
+    """Check that a message is from a learner of this run.
+
+    Parameters
+    ----------
+    message : Any
+        As it came.
+    learner : str
+        From whom it must be.
+    experiment_digest : str
+        Of the run.
+
+    Raises
+    ------
+    RefusedMessageError
+        It is from somebody else.
+    """
     _require("wrong_learner", "learner", message.learner, learner)
     _require("wrong_experiment", "experiment digest", message.experiment_digest, experiment_digest)
-    _require("wrong_schedule", "schedule digest", message.schedule_digest, schedule_digest)
 
 
 def arrays(message: ParametersMessage) -> Parameters:

@@ -3,6 +3,7 @@
 DEMONSTRATION = "demonstration"
 PARAMETERS = "parameters"
 STATUS = "status"
+CONSTRAINTS = "constraints"
 EDGE_SCHEDULE = "edge_schedule"
 DIAGNOSTICS = "/diagnostics"
 FETCH_PARAMETERS = "fetch_parameters"

@@ -19,6 +19,7 @@ from mabirds_core.algorithm.memory import stacked
 from mabirds_core.experiment.assembly import build_game, evaluation_policy, reward_of
 from mabirds_core.experiment.file import Experiment, load_experiment
 from mabirds_core.experiment.simulate import History, Streams
+from mabirds_core.games.interface import shown_features
 from mabirds_core.metrics.constraints import by_threshold, constraint_errors, ranking_auc
 from mabirds_core.metrics.curves import late_mean, late_minimum, stays_from
 
@@ -118,7 +119,7 @@ def test_constraints_are_those_of_the_games_test(
 ) -> None:
     experiment, streams, history = learned
     game, row = build_game(experiment), content["learners"][name]
-    reward, shown = reward_of(experiment, name, game), stacked(streams[name])
+    reward, shown = reward_of(experiment, name, game), shown_features(game, stacked(streams[name]))
     confidences = game.judge.constraint_confidences(reward, history[name][-1], shown)
     assert confidences is not None
     called = confidences >= 0.9

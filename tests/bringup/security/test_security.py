@@ -84,7 +84,7 @@ def test_nobody_reads_demonstrations_of_others_or_speaks_for_them(
         readers = {enclave for enclave, process in processes.items() if demonstration in process.subscribe}
         writers = {enclave for enclave, process in processes.items() if demonstration in process.publish}
         assert (readers, writers) == ({own}, {f"{root}/expert_player"})
-        for topic in ("parameters", "status", "edge_schedule"):
+        for topic in ("parameters", "status", "constraints", "edge_schedule"):
             speakers = {enclave for enclave, process in processes.items() if f"{own}/{topic}" in process.publish}
             assert speakers == {own}
         servers = {enclave for enclave, process in processes.items() if f"{own}/fetch_parameters" in process.reply}

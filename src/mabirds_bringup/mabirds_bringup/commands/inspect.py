@@ -18,6 +18,7 @@ from mabirds_bringup.watch.inspector import InspectorNode, WatchedLearner, descr
 from mabirds_core.errors import ExperimentError
 from mabirds_core.texts import sanitize
 from mabirds_learner.learner_session import DEMONSTRATION
+from mabirds_msgs_py.constraints_conversion import constraints_text
 from mabirds_msgs_py.security import enclave_arguments, start_ros
 
 MAX_LINE = 1000
@@ -26,7 +27,7 @@ MAX_LINE = 1000
 
 def inspect(
     once: Annotated[bool, typer.Option("--once", help="Show every learner once, then end.")] = False,
-    top: Annotated[int, typer.Option(help="How many of the costliest features to name.", min=0)] = 3,
+    top: Annotated[int, typer.Option(help="How many costs and constraints to name.", min=0)] = 3,
     timeout: Annotated[float, typer.Option(help="Seconds to look for learners, with --once.", min=0.1)] = 10.0,
     as_json: Json = False,
 ) -> None:
@@ -60,8 +61,11 @@ def _follow(top: int) -> int:
             shown[learner.namespace] = line
             _print(f"{learner.namespace} {line}")
 
+    def on_constraints(learner: WatchedLearner) -> None:
+        _print(f"{learner.namespace} {_constraints_line(learner, top)}")
+
     executor = SingleThreadedExecutor()
-    executor.add_node(InspectorNode(on_parameters, on_status))
+    executor.add_node(InspectorNode(on_parameters, on_status, on_constraints))
     console.print("looking for learners; Ctrl-C ends")
     with suppress(KeyboardInterrupt):
         executor.spin()
@@ -75,20 +79,24 @@ def _inspect_once(top: int, timeout: float, json_stream: Any) -> int:
     deadline = time.monotonic() + timeout
     while not node.complete and time.monotonic() < deadline:
         executor.spin_once(timeout_sec=0.1)
-    learners = {name: describe(learner, top) for name, learner in sorted(node.learners.items())}
+    learners = dict(sorted(node.learners.items()))
     if json_stream is not None:
-        print_json({"learners": learners, "missing": node.missing()}, json_stream)
+        content = {name: describe(learner, top) for name, learner in learners.items()}
+        print_json({"learners": content, "missing": node.missing()}, json_stream)
     else:
-        _show(learners, node.missing())
+        _show(learners, node.missing(), top)
     return exit_codes.FINISHED if learners else exit_codes.NOBODY_THERE
 
 
-def _show(learners: dict[str, dict[str, Any]], missing: list[str]) -> None:
-    for namespace, content in learners.items():
+def _show(learners: dict[str, WatchedLearner], missing: list[str], top: int) -> None:
+    for namespace, learner in learners.items():
+        content = describe(learner, top)
         if "state" in content:
             _print(f"{namespace} {_status_line(content)}")
         if "parameters" in content:
             _print(f"{namespace} {_parameters_line(content['parameters'])}")
+        if "constraints" in content:
+            _print(f"{namespace} {_constraints_line(learner, top)}")
         if "refused" in content:
             _print(f"{namespace} refused, since it cannot be shown: {content['refused']}")
     if missing:
@@ -110,6 +118,10 @@ def _status_line(content: dict[str, Any]) -> str:
     return (
         f"iteration {content['iteration']}: {content['state']}{waiting}, backlog {content['backlog']}{dropped}{message}"
     )
+
+
+def _constraints_line(learner: WatchedLearner, top: int) -> str:
+    return constraints_text(learner.constraints, top)
 
 
 def _parameters_line(content: dict[str, Any]) -> str:

@@ -12,9 +12,15 @@ from mabirds_core.arrays import Mask, Vector
 from mabirds_core.experiment.assembly import build_game, evaluation_policy, reward_of
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History, Streams
-from mabirds_core.games.interface import Trajectories
+from mabirds_core.games.interface import Trajectories, shown_features
 from mabirds_core.games.whole_game import Game
-from mabirds_core.metrics.constraints import ConstraintErrors, by_threshold, constraint_errors, ranking_auc
+from mabirds_core.metrics.constraints import (
+    ConstraintErrors,
+    by_threshold,
+    constraint_errors,
+    ranking_auc,
+    surest_first,
+)
 from mabirds_core.metrics.curves import first_at, late_mean, late_minimum, stays_from
 from mabirds_core.metrics.metrics import consensus_distance
 
@@ -144,7 +150,8 @@ def learned_constraints(
     streams = [demonstrations[learner] for learner in ([name] if name in demonstrations else demonstrations)]
     confidences, reward = None, reward_of(experiment, name, game)
     if streams and reward is not None:
-        shown = stacked([demonstration for stream in streams for demonstration in stream[: experiment.iterations]])
+        learned_from = [demonstration for stream in streams for demonstration in stream[: experiment.iterations]]
+        shown = shown_features(game, stacked(learned_from))
         confidences = game.judge.constraint_confidences(reward, parameters, shown)
     if confidences is None:
         learned, scores = by_threshold(parameters.omega, experiment.constraint_threshold), -parameters.omega
@@ -200,18 +207,16 @@ def _learner_summary(
         "occupancy_distance": evaluation.occupancy_distance[name],
         **constraints.errors._asdict(),
         "auc": constraints.auc,
-        "learned_constraints": _named(features, constraints),
+        "learned_constraints": _named(experiment, features, constraints),
         "undetermined": _undetermined(constraints),
     }
 
 
-def _named(features: Sequence[str], constraints: Constraints) -> dict[str, float | None]:
-    """Learned constraints by name, surest first, each with its confidence."""
-    of = np.flatnonzero(constraints.learned)
+def _named(experiment: Experiment, features: Sequence[str], constraints: Constraints) -> Mapping[str, float | None]:
+    """Learned constraints by name, surest first, each with its confidence; those of the threshold have none."""
     if constraints.confidences is None:
-        return {features[int(k)]: None for k in of}
-    surest = of[np.argsort(-constraints.confidences[of], kind="stable")]
-    return {features[int(k)]: float(constraints.confidences[k]) for k in surest}
+        return {features[int(k)]: None for k in np.flatnonzero(constraints.learned)}
+    return surest_first(features, constraints.confidences, experiment.constraint_confidence)
 
 
 def _undetermined(constraints: Constraints) -> int | None:

@@ -148,7 +148,7 @@ class Policy:
 
     @staticmethod
     def _shown() -> tuple[str, ...]:
-        return topics.PARAMETERS, topics.STATUS, topics.EDGE_SCHEDULE
+        return topics.PARAMETERS, topics.STATUS, topics.CONSTRAINTS, topics.EDGE_SCHEDULE
 
     def _each(self, owners: Iterable[str], name: str) -> list[str]:
         return [self._of(owner, name) for owner in owners]

@@ -3,17 +3,18 @@
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 
-from mabirds_msgs.msg import EdgeSchedule, LearnerStatus
+from mabirds_msgs.msg import Constraints, EdgeSchedule, LearnerStatus
 from mabirds_msgs.msg import Parameters as ParametersMessage
 
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.errors import RefusedMessageError
-from mabirds_core.experiment.assembly import build_learner, build_method
+from mabirds_core.experiment.assembly import build_game, build_learner, build_method
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.texts import truncate
 from mabirds_learner.diagnostics import HARMLESS
 from mabirds_learner.inbox import check_iteration
-from mabirds_msgs_py.conversion import read_parameters, require_sender, schedule_message
+from mabirds_msgs_py.constraints_conversion import read_constraints
+from mabirds_msgs_py.conversion import read_parameters, require_learner, require_sender, schedule_message
 
 EXPECTED = HARMLESS | {"wrong_experiment", "wrong_schedule"}
 """Reasons of drops that are no trouble: repetitions, and other runs in the same ROS domain."""
@@ -59,6 +60,19 @@ class MessageValidator:
                 raise RefusedMessageError(
                     "impossible_status", f"{what} {value}: no learner of this experiment says that"
                 )
+
+    def constraints(self, name: str, message: Constraints) -> None:
+        """Are they of ``name``, and of cost features of this experiment?"""
+        require_learner(message, name, self.digest)
+        strangers = sorted(set(read_constraints(message)) - self._features)
+        if strangers:
+            raise RefusedMessageError(
+                "impossible_constraints", f"{truncate(strangers[0])!r}: expected a cost feature of this experiment"
+            )
+
+    @cached_property
+    def _features(self) -> set[str]:
+        return set(build_game(self._experiment).cost_features.names)
 
     def schedule(self, message: EdgeSchedule) -> None:
         """Is it the schedule of the experiment?"""

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mabirds_msgs.msg import EdgeSchedule, LearnerStatus, Parameters
+from mabirds_msgs.msg import Constraints, EdgeSchedule, LearnerStatus, Parameters
 from rcl_interfaces.srv import GetParameters
 from rclpy.client import Client
 from rclpy.node import Node
@@ -20,6 +20,7 @@ from mabirds_core.experiment.assembly import build_game, method_names
 from mabirds_core.experiment.file import load_experiment
 from mabirds_core.metrics.metrics import norms
 from mabirds_msgs_py import topics
+from mabirds_msgs_py.constraints_conversion import read_constraints
 from mabirds_msgs_py.conversion import arrays, read_schedule
 from mabirds_msgs_py.interfaces import type_name
 from mabirds_msgs_py.qos import STATUS_QOS, latched
@@ -33,6 +34,7 @@ MAX_PATH = 1000
 READABLE: dict[type, Callable[[Any], object]] = {
     LearnerStatus: lambda _: None,
     Parameters: arrays,
+    Constraints: read_constraints,
     EdgeSchedule: read_schedule,
 }
 """What raises RefusedMessageError for a message that cannot be shown."""
@@ -47,18 +49,19 @@ class WatchedLearner:
     status: LearnerStatus | None = None
     parameters: Parameters | None = None
     schedule: EdgeSchedule | None = None
+    constraints: Constraints | None = None
     feature_names: tuple[str, ...] | None = None
     asked_for_names: bool = False
     answered: bool = False
 
     @property
     def complete(self) -> bool:
-        """Has everything arrived that ``describe`` can show?"""
+        """Has everything arrived that ``describe`` can show? Constraints come at the end, and not of every game."""
         return None not in (self.status, self.parameters, self.schedule) and self.answered
 
 
 class InspectorNode(Node):
-    """Calls ``on_parameters`` and ``on_status`` with a learner at each of its messages.
+    """Calls ``on_parameters``, ``on_status`` and ``on_constraints`` with a learner at each of its messages.
 
     Names of cost features come from the learner's own experiment file, where it can be read here and has the digest
     that the learner publishes; elsewhere features are numbered.
@@ -68,11 +71,12 @@ class InspectorNode(Node):
         self,
         on_parameters: Callable[[WatchedLearner], None] = lambda _: None,
         on_status: Callable[[WatchedLearner], None] = lambda _: None,
+        on_constraints: Callable[[WatchedLearner], None] = lambda _: None,
         **node_options: Any,
     ) -> None:
         super().__init__("inspector", **node_options)
         self.learners: dict[str, WatchedLearner] = {}
-        self._on_parameters, self._on_status = on_parameters, on_status
+        self._on_parameters, self._on_status, self._on_constraints = on_parameters, on_status, on_constraints
         self._parameter_clients: dict[str, Client] = {}
         self.create_timer(SEARCH_PERIOD, self._search)
 
@@ -105,6 +109,7 @@ class InspectorNode(Node):
             (LearnerStatus, topics.STATUS, "status", STATUS_QOS, self._on_status),
             (Parameters, topics.PARAMETERS, "parameters", latched(64), self._on_parameters),
             (EdgeSchedule, topics.EDGE_SCHEDULE, "schedule", STATUS_QOS, lambda _: None),
+            (Constraints, topics.CONSTRAINTS, "constraints", STATUS_QOS, self._on_constraints),
         ):
             receive = partial(self._on_message, learner, name, tell)
             self.create_subscription(message_type, f"{namespace}/{topic}", receive, qos)
@@ -161,6 +166,14 @@ def describe(learner: WatchedLearner, top: int) -> dict[str, Any]:
         content["refused"] = dict(learner.refused)
     if learner.parameters is not None:
         content["parameters"] = describe_parameters(learner, top)
+    if learner.constraints is not None:
+        message = learner.constraints
+        content["constraints"] = {
+            "iteration": message.iteration,
+            "level": message.level,
+            "undetermined": message.undetermined,
+            "by_name": read_constraints(message),
+        }
     return content
 
 

@@ -6,7 +6,7 @@ from functools import partial
 from itertools import count, takewhile
 from typing import Any
 
-from mabirds_msgs.msg import EdgeSchedule, LearnerStatus, Membership
+from mabirds_msgs.msg import Constraints, EdgeSchedule, LearnerStatus, Membership
 from mabirds_msgs.msg import Parameters as ParametersMessage
 from mabirds_msgs.srv import FetchParameters
 from rclpy.client import Client
@@ -74,6 +74,7 @@ class MonitorNode(Node):
         for message_type, topic, qos, receive, events in (
             (ParametersMessage, topics.PARAMETERS, announced(DEPTH), self._on_parameters, self.presence.watch(name)),
             (LearnerStatus, topics.STATUS, latched(DEPTH), self._on_status, None),
+            (Constraints, topics.CONSTRAINTS, STATUS_QOS, self._on_constraints, None),
             (EdgeSchedule, topics.EDGE_SCHEDULE, STATUS_QOS, self._on_schedule, None),
         ):
             self.create_subscription(
@@ -142,6 +143,14 @@ class MonitorNode(Node):
         if message.iteration > 1:
             self._mixed[name][message.iteration - 1] = list(message.mixed_from)
         self._record(name, topics.STATUS, message, nanoseconds(message.stamp))
+
+    def _on_constraints(self, name: str, message: Constraints) -> None:
+        try:
+            self._admission.constraints(name, message)
+        except RefusedMessageError as error:
+            self._drop(f"{topics.CONSTRAINTS} of {name}", error)
+            return
+        self._record(name, topics.CONSTRAINTS, message, nanoseconds(message.stamp))
 
     def _on_schedule(self, name: str, message: EdgeSchedule) -> None:
         try:

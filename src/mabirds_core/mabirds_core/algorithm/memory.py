@@ -17,7 +17,13 @@ import numpy as np
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Array, Indices, Vector
 from mabirds_core.errors import CheckpointError
-from mabirds_core.games.interface import ConstrainedMarkovGame, Steps, Trajectories, discounted_visitation
+from mabirds_core.games.interface import (
+    ConstrainedMarkovGame,
+    ShownFeatures,
+    Steps,
+    Trajectories,
+    discounted_visitation,
+)
 from mabirds_core.rewards.models import RewardModel, SummableReward
 
 MAX_STARTS = 1024
@@ -40,6 +46,11 @@ class Memory(Protocol):
     @property
     def fill(self) -> float:
         """Share of the window that is filled: terms with n - i <= 0 are zero."""
+        ...
+
+    @property
+    def shown(self) -> ShownFeatures | None:
+        """What all demonstrations showed of cost features; None where some are forgotten."""
         ...
 
     def add(self, demonstrations: Trajectories) -> "Memory":
@@ -108,6 +119,10 @@ class WindowMemory:
     def fill(self) -> float:
         """How many of the ``length`` terms there are yet."""
         return len(self.newest) / self.length if self.padded else 1.0
+
+    @property
+    def shown(self) -> None:
+        """A window forgets."""
 
     def add(self, demonstrations: Trajectories) -> "WindowMemory":
         """The oldest makes way."""
@@ -204,6 +219,11 @@ class RunningMean:
     def fill(self) -> float:
         """A mean of all is always whole."""
         return 1.0
+
+    @property
+    def shown(self) -> ShownFeatures:
+        """By the sums of their counts."""
+        return ShownFeatures(self.sums.cost > 0, self.sums.demonstrations)
 
     def add(self, demonstrations: Trajectories) -> "RunningMean":
         """Their counts are added."""

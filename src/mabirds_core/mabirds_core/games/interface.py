@@ -51,6 +51,21 @@ class Visitation(NamedTuple):
     weights: Vector
 
 
+class ShownFeatures(NamedTuple):
+    """What demonstrations show of cost features.
+
+    Attributes
+    ----------
+    used : Mask
+        Which of them some demonstration had, shape (K,).
+    demonstrations : int
+        N: how many there were.
+    """
+
+    used: Mask
+    demonstrations: int
+
+
 class FeatureMap(Protocol):
     """Features phi(s, a)."""
 
@@ -193,6 +208,25 @@ class TabularGame(ConstrainedMarkovGame, Protocol):
     def task_reward(self) -> Array:
         """The experts' own reward without constraints, shape (S, A); for experts and metrics only."""
         ...
+
+
+def shown_features(game: ConstrainedMarkovGame, demonstrations: Trajectories) -> ShownFeatures:
+    """What demonstrations show of the game's cost features.
+
+    Parameters
+    ----------
+    game : ConstrainedMarkovGame
+        With non-negative cost features.
+    demonstrations : Trajectories
+        N of them.
+
+    Returns
+    -------
+    ShownFeatures
+        Those with a count above 0.
+    """
+    counts = game.cost_features.total(discounted_visitation(demonstrations, game.discount))
+    return ShownFeatures(counts > 0, len(demonstrations.states))
 
 
 def discounted_visitation(trajectories: Trajectories, discount: float) -> Visitation:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from mabirds_core.arrays import Mask, Vector
-from mabirds_core.games.interface import ConstrainedMarkovGame, Trajectories
+from mabirds_core.games.interface import ConstrainedMarkovGame, ShownFeatures, Trajectories
 
 
 class Experts(Protocol):
@@ -125,7 +125,7 @@ class Judge(Protocol):
         """
         ...
 
-    def constraint_confidences(self, reward: Any, parameters: Any, demonstrations: Trajectories) -> Vector | None:
+    def constraint_confidences(self, reward: Any, parameters: Any, shown: ShownFeatures) -> Vector | None:
         """Confidence that each cost feature is a constraint.
 
         Parameters
@@ -134,8 +134,8 @@ class Judge(Protocol):
             r_theta.
         parameters : Any
             theta and omega.
-        demonstrations : Trajectories
-            A learner's own.
+        shown : ShownFeatures
+            By a learner's own demonstrations.
 
         Returns
         -------

@@ -27,7 +27,19 @@ def library() -> ctypes.CDLL | None:
 
 
 def pointer(array: np.ndarray, dtype: type = np.float64) -> ctypes.c_void_p:
-    """Where a contiguous array of ``dtype`` lies; C sees neither shapes nor types, so they are checked here.
+    """Where an array lies; C sees neither shapes nor types, so they are checked here.
+
+    Parameters
+    ----------
+    array : np.ndarray
+        Contiguous.
+    dtype : type, optional
+        What the kernel takes.
+
+    Returns
+    -------
+    ctypes.c_void_p
+        Of its first entry; the array must live as long.
 
     Raises
     ------

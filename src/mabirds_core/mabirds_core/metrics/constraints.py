@@ -11,7 +11,10 @@ With L the learned and C the true constraints among K cost features:
 A rate over an empty set is 0; an AUC where one of the classes is empty is not defined.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
+
+import numpy as np
 
 from mabirds_core.arrays import Mask, Vector
 
@@ -40,6 +43,27 @@ def by_threshold(omega: Vector, threshold: float) -> Mask:
         Shape (K,).
     """
     return -omega > threshold
+
+
+def surest_first(names: Sequence[str], confidences: Vector, level: float) -> dict[str, float]:
+    """Constraints by name, each with its confidence.
+
+    Parameters
+    ----------
+    names : Sequence[str]
+        Of all features, shape (K,).
+    confidences : Vector
+        Shape (K,).
+    level : float
+        q: confidence from which on a feature is a constraint.
+
+    Returns
+    -------
+    dict[str, float]
+        The surest first.
+    """
+    order = np.argsort(-confidences, kind="stable")
+    return {names[int(k)]: float(confidences[k]) for k in order if confidences[k] >= level}
 
 
 def constraint_errors(learned: Mask, true_constraints: Mask) -> ConstraintErrors:

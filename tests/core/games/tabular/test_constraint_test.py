@@ -15,7 +15,7 @@ from mabirds_core.arrays import Mask, Vector
 from mabirds_core.experiment.assembly import build_game, reward_of
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import simulate
-from mabirds_core.games.interface import Trajectories
+from mabirds_core.games.interface import Trajectories, shown_features
 from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_core.games.tabular.constraint_test import USED, constraint_confidences, touch_probability
 from mabirds_core.planners.occupancy import rollouts
@@ -88,7 +88,9 @@ def around(game: PatrolGame, seed: int, count: int = 1) -> Trajectories:
 
 
 def confidences(game: PatrolGame, parameters: Parameters, demonstrations: Trajectories) -> Vector:
-    return constraint_confidences(game, LinearReward(game.reward_features), parameters, demonstrations)
+    return constraint_confidences(
+        game, LinearReward(game.reward_features), parameters, shown_features(game, demonstrations)
+    )
 
 
 SEEDS = st.integers(0, 10**6)
@@ -189,7 +191,7 @@ def learned() -> tuple[PatrolGame, list[dict[str, float]]]:
     answers = []
     for name, history in simulate(experiment, streams).items():
         reward: Any = reward_of(experiment, name, game)
-        answer = constraint_confidences(game, reward, history[-1], stacked(streams[name]))
+        answer = constraint_confidences(game, reward, history[-1], shown_features(game, stacked(streams[name])))
         answers.append(dict(zip(game.cost_features.names, answer.tolist(), strict=True)))
     return game, answers
 

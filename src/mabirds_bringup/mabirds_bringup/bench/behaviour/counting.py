@@ -8,7 +8,7 @@ with c_k the number of steps from which feature k could have been had next, each
 import numpy as np
 
 from mabirds_core.arrays import Vector
-from mabirds_core.games.interface import TabularGame, Trajectories, discounted_visitation
+from mabirds_core.games.interface import TabularGame, Trajectories, shown_features
 
 
 def counting_scores(game: TabularGame, demonstrations: Trajectories) -> Vector:
@@ -27,7 +27,7 @@ def counting_scores(game: TabularGame, demonstrations: Trajectories) -> Vector:
         Shape (K,): 0 for what was shown.
     """
     moves = game.n_actions ** (1 / game.n_experts)
-    used = game.cost_features.total(discounted_visitation(demonstrations, game.discount)) > 0
+    used = shown_features(game, demonstrations).used
     under_way = ~game.goal[demonstrations.states]
     states, counts = np.unique(demonstrations.states[under_way], return_counts=True)
     chances = np.zeros(len(used))

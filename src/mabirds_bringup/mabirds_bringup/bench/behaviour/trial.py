@@ -14,7 +14,7 @@ from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.assembly import build_game, evaluation_policy
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History, simulate, simulate_central
-from mabirds_core.games.interface import Trajectories, discounted_visitation
+from mabirds_core.games.interface import Trajectories, shown_features
 from mabirds_core.games.tabular.decidable import touch_without
 from mabirds_core.metrics.constraints import by_threshold, constraint_errors, ranking_auc
 from mabirds_core.metrics.curves import LATE, late_mean, late_minimum
@@ -116,7 +116,7 @@ class _Judged:
 
     def _errors(self, learned: Mask, scores: Vector, shown: Trajectories) -> Row:
         truth = self._game.true_constraints
-        used = self._game.cost_features.total(discounted_visitation(shown, self._game.discount)) > 0
+        used = shown_features(self._game, shown).used
         decidable = truth & (1 - (1 - self._touch) ** len(shown.states) >= DECIDABLE_AT)
         return {
             "called": int(learned.sum()),

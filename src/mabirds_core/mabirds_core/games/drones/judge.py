@@ -9,7 +9,7 @@ import numpy as np
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.metrics import drone_imitation, place_visitation, visitation_distance
 from mabirds_core.games.drones.rollouts import DronePolicy, drone_rollouts
-from mabirds_core.games.interface import Trajectories
+from mabirds_core.games.interface import ShownFeatures, Trajectories
 from mabirds_core.games.whole_game import ImitationMetrics
 
 EVAL_ROLLOUTS = 500
@@ -61,5 +61,5 @@ class RolloutJudge:
     def log_likelihoods(self, policy: Any, demonstrations: Trajectories) -> None:
         """Not said: policies of the lattice interpolate, and their densities are not normalised."""
 
-    def constraint_confidences(self, reward: Any, parameters: Any, demonstrations: Trajectories) -> None:
+    def constraint_confidences(self, reward: Any, parameters: Any, shown: ShownFeatures) -> None:
         """No test yet: constraints are told by the threshold."""

@@ -18,7 +18,7 @@ import numpy as np
 
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Array, Mask, Vector, weighted_counts
-from mabirds_core.games.interface import TabularGame, Trajectories, discounted_visitation
+from mabirds_core.games.interface import ShownFeatures, TabularGame
 from mabirds_core.planners.occupancy import discounted_steps, occupancy_measure, pairs_of
 from mabirds_core.planners.soft_bellman import soft_bellman_policy
 from mabirds_core.rewards.models import TabularRewardModel
@@ -57,7 +57,7 @@ class NeutralGame(TabularGame, Protocol):
 
 
 def constraint_confidences(
-    game: NeutralGame, reward: TabularRewardModel, parameters: Parameters, demonstrations: Trajectories
+    game: NeutralGame, reward: TabularRewardModel, parameters: Parameters, shown: ShownFeatures
 ) -> Vector:
     """Confidence that each cost feature is a constraint.
 
@@ -69,8 +69,8 @@ def constraint_confidences(
         r_theta.
     parameters : Parameters
         theta and omega as learned.
-    demonstrations : Trajectories
-        A learner's own, at least one.
+    shown : ShownFeatures
+        By a learner's own demonstrations, at least one.
 
     Returns
     -------
@@ -80,12 +80,11 @@ def constraint_confidences(
     table = reward.table(parameters.theta) + game.cost_features.table(parameters.omega)
     expected = _expected_counts(game, table)
     weights = reward.weights(parameters.theta) if hasattr(reward, "weights") else np.zeros(len(expected))
-    used = game.cost_features.total(discounted_visitation(demonstrations, game.discount)) > 0
-    confidences = np.full(len(used), USED)
-    for feature in np.flatnonzero(~used):
+    confidences = np.full(len(shown.used), USED)
+    for feature in np.flatnonzero(~shown.used):
         change = game.neutral_change(weights, parameters.omega, expected, int(feature))
         chance = 0.0 if change is None else _chance(game, table, change, int(feature))
-        confidences[feature] = 1 - (1 - chance) ** len(demonstrations.states)
+        confidences[feature] = 1 - (1 - chance) ** shown.demonstrations
     return confidences
 
 

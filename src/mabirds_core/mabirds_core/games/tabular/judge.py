@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Vector
-from mabirds_core.games.interface import Trajectories
+from mabirds_core.games.interface import ShownFeatures, Trajectories
 from mabirds_core.games.tabular.constraint_test import NeutralGame, constraint_confidences
 from mabirds_core.games.whole_game import ImitationMetrics
 from mabirds_core.metrics.likelihood import log_likelihoods
@@ -38,7 +38,7 @@ class ExactJudge:
         return log_likelihoods(self.game, policy, demonstrations)
 
     def constraint_confidences(
-        self, reward: TabularRewardModel, parameters: Parameters, demonstrations: Trajectories
+        self, reward: TabularRewardModel, parameters: Parameters, shown: ShownFeatures
     ) -> Vector:
         """By the counterfactual test."""
-        return constraint_confidences(self.game, reward, parameters, demonstrations)
+        return constraint_confidences(self.game, reward, parameters, shown)
