@@ -32,7 +32,7 @@ def test_in_words() -> None:
         ({"confidences": [1.0, 0.5]}, "impossible_constraints", "confidence 0.5 of 'likely', expected 0.95 to 1"),
         ({"confidences": [1.5, 1.0]}, "impossible_constraints", "confidence 1.5 of 'sure', expected 0.95 to 1"),
         ({"confidences": [float("nan"), 1.0]}, "impossible_constraints", "confidence nan of 'sure'"),
-        ({"level": float("nan")}, "impossible_constraints", "expected nan to 1"),
+        ({"level": float("nan")}, "impossible_constraints", "level nan, expected 0 to 1"),
     ],
 )
 def test_what_no_learner_says_is_refused(changes: dict[str, Any], reason: str, text: str) -> None:

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-import numpy as np
 from mabirds_msgs.msg import Constraints
 
 from mabirds_core.arrays import Vector
@@ -43,14 +42,16 @@ def read_constraints(message: Constraints) -> dict[str, float]:
     Raises
     ------
     RefusedMessageError
-        There are more of one than of the other, or a confidence is no probability of at least ``level``.
+        There are more of one than of the other, or a confidence is no probability of at least ``level``, or this none.
     """
     if len(message.names) != len(message.confidences):
         raise RefusedMessageError(
             "wrong_shape", f"confidences: {len(message.confidences)} numbers, expected {len(message.names)}"
         )
+    if not 0 <= message.level <= 1:
+        raise RefusedMessageError("impossible_constraints", f"level {message.level:g}, expected 0 to 1")
     for name, confidence in zip(message.names, message.confidences, strict=True):
-        if not message.level <= confidence <= 1 or not np.isfinite(message.level):
+        if not message.level <= confidence <= 1:
             raise RefusedMessageError(
                 "impossible_constraints",
                 f"confidence {confidence:g} of {truncate(name)!r}, expected {message.level:g} to 1",
