@@ -12,10 +12,10 @@ from games import central_differences, hallway, log_likelihoods, patrol, square
 
 from mabirds_bringup.bench.behaviour.counting import counting_scores
 from mabirds_bringup.bench.behaviour.draw import HELD_OUT, draw, random_kind, with_paper_steps
-from mabirds_bringup.bench.behaviour.pooled import policy_of, pooled_loss, pooled_optimum
 from mabirds_bringup.bench.behaviour.report import bootstrap_interval, by_problem, constraint_rates, methods_table
 from mabirds_bringup.bench.behaviour.report import targets as targets_of
 from mabirds_bringup.bench.behaviour.trial import COUNTING, MABIRDS, PAPER, run_trial, tabular_game
+from mabirds_bringup.bench.pooled import policy_of, pooled_loss, pooled_optimum
 from mabirds_core.arrays import Vector
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.assembly import build_game

@@ -126,6 +126,10 @@ def test_the_discrete_study_has_all_methods_and_all_variations() -> None:
     assert variations["neural reward"].algorithm.reward.kind == "neural"
     assert variations["soft Q-learning"].algorithm.policy.kind == "soft_q_learning"
     starts = [case.experiment.algorithm.rollout_start for case in by_label(study, "many_starts").values()]
+    optimal = by_label(study, "optimal").values()
+    assert {case.experiment.demonstrations.experts for case in optimal} == {"optimal"}
+    tolerances = [case.experiment.baselines.ftl.tolerance for case in by_label(study, "tolerances").values()]
+    assert tolerances[2:6] == [4.0, 2.0, 1.0, 0.5]
     assert starts == ["demonstration", "initial"]
     for experiment in study.experiments.values():
         assert build_game(experiment).true_constraints.sum() >= 77

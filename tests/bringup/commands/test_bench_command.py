@@ -36,8 +36,8 @@ def groups_of(content: dict[str, Any]) -> set[str]:
 
 def test_the_discrete_study_writes_a_report(make_experiment: MakeExperiment, tmp_path: Path) -> None:
     file = make_experiment(change=EXACT)
-    small = ("--experiment", f"main={file}", "--experiment", f"many_starts={file}", "--iterations", 3)
-    options = ("--seeds", 1, "--jobs", 2, "--out", "out", "--json")
+    small = [text for name in ("main", "many_starts", "trio") for text in ("--experiment", f"{name}={file}")]
+    options = ("--iterations", 3, "--seeds", 1, "--jobs", 2, "--out", "out", "--json")
     content = content_of(bench("discrete", *small, *options, cwd=tmp_path))
     out = tmp_path / "out"
     assert content == json.loads((out / "summary.json").read_text(encoding="utf-8"))
@@ -51,15 +51,20 @@ def test_the_discrete_study_writes_a_report(make_experiment: MakeExperiment, tmp
     assert pictures == {
         "game_main.png",
         "game_many_starts.png",
+        "game_trio.png",
         "learned_main.png",
         "thresholds_main.png",
         "rates_main.png",
+        "learned_optimal.png",
+        "rates_optimal.png",
+        "effort_tolerances.png",
         "rates_many_starts.png",
+        "rates_trio.png",
         "rates_variations.png",
     }
     assert (out / "report.html").read_text(encoding="utf-8").count("<img") == len(pictures)
     report = (out / "report.md").read_text(encoding="utf-8")
-    assert report.count("\n## ") == 5
+    assert report.count("\n## ") == 8
     assert "| ME-greedy |" in report
 
 

@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 from mabirds_bringup.bench.frame import LEARNER, array_of, in_order, is_learner, is_metric, name
 from mabirds_bringup.bench.outcome import drawn_streams
 from mabirds_bringup.bench.study import Case, LoadedStudy
+from mabirds_bringup.bench.summary import summarise
 from mabirds_core.algorithm.memory import stacked
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Mask, Vector
@@ -29,6 +30,11 @@ DOTS_PER_INCH = 120
 ITERATIONS = "iterations made, closing rounds last"
 RATES = {"success_rate": "success rate", "violation_rate": "constraint violation rate"}
 DISTANCES = {f"consensus_{part}": f"consensus distance of {part}" for part in ("theta", "omega")}
+OUTCOMES = {
+    "success_rate": "success rate",
+    "late_success": "least late success rate",
+    "held_out_nats": "held-out log likelihood [nats]",
+}
 MAX_DEMONSTRATIONS = 40
 THRESHOLDS = np.logspace(-4, 2, 121)
 LEGEND: dict[str, Any] = {"loc": "outside upper center", "ncols": 4, "fontsize": 7}
@@ -64,6 +70,8 @@ def _figure(kind: str, cases: Mapping[str, Case], of_group: pl.DataFrame, shown:
         return thresholds_figure(build_game(next(iter(cases.values())).experiment).true_constraints, shown)
     if kind == "rates":
         return curves_figure(of_group, RATES, ylim=(-0.02, 1.02))
+    if kind == "effort":
+        return effort_figure(summarise(of_group))
     return curves_figure(of_group.filter(is_learner()), DISTANCES)
 
 
@@ -102,6 +110,20 @@ def curves_figure(results: pl.DataFrame, titles: Mapping[str, str], **limits: An
         axis.set(xlabel=ITERATIONS, ylabel=title, **limits)
         mark_last_updates(axis, results)
     figure.legend(*axes[0].get_legend_handles_labels(), **LEGEND)
+    return figure
+
+
+def effort_figure(rows: pl.DataFrame) -> Figure:
+    """What an iteration takes and leads to, a marker per learner or method; a line joins those of one method."""
+    measures = {measure: title for measure, title in OUTCOMES.items() if measure in rows.columns}
+    figure, axes = plt.subplots(1, len(measures), figsize=(10, 3.8), layout="constrained", squeeze=False)
+    method = pl.col("label").str.extract(r"^([^,]+)").alias("method")
+    for axis, (measure, title) in zip(axes[0], measures.items(), strict=True):
+        for (label,), own in rows.with_columns(method).group_by("method", maintain_order=True):
+            means, widths = (own[measure].struct.field(part).to_numpy() for part in ("mean", "half_width"))
+            axis.errorbar(own["iteration_seconds"], means, yerr=widths, marker="o", markersize=4, label=label)
+        axis.set(xscale="log", xlabel="seconds per iteration and learner", ylabel=title)
+    figure.legend(*axes[0][0].get_legend_handles_labels(), **LEGEND)
     return figure
 
 

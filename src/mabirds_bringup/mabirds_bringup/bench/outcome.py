@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from mabirds_bringup.bench.comparison import Comparison
 from mabirds_bringup.bench.results import CaseResult, MetricsRow, curve, entries
 from mabirds_bringup.bench.study import Case
 from mabirds_core.algorithm.memory import stacked
@@ -71,16 +72,19 @@ def run_case(case: Case, seed: int) -> list[CaseResult]:
         of the case from their mean. By update: ``seconds``; ``actor_violation_rate`` and ``actor_success_rate`` of the
         policies that the learner planned. At the end: constraint errors by the threshold, work, ``peak_memory`` of the
         process with all learners of the case [MB], ``policy_distance``, largest total variation distance of two
-        learners, ``same_constraints``, 1 where all learners have one constraint set, ``theta[k]``, ``omega[k]``, and
-        the game's own measures.
+        learners, ``same_constraints``, 1 where all learners have one constraint set, ``theta[k]``, ``omega[k]``, the
+        game's own measures, and what ``measures`` says of the behaviour and of constraints by the game's test.
     """
     learned = learn(case, case.seeded(seed))
     judged = {name: _judged(learned, name, case.rollouts) for name in learned.history}
     agreement = [*_agreement(learned, [policy for _, policy in judged.values()], case.rollouts)]
-    return [
-        CaseResult(case.group, case.label, name, seed, [*_rows(learned, name, rates), *agreement])
-        for name, (rates, _) in judged.items()
-    ]
+    compared = Comparison.of(learned.experiment, learned.game, learned.streams, optimum=case.optimum)
+    results = []
+    for name, (rates, policy) in judged.items():
+        measured = compared.measures(name, learned.history[name][-1], policy, rates)
+        rows = [*_rows(learned, name, rates), *agreement, *entries(len(rates) - 1, **measured)]
+        results.append(CaseResult(case.group, case.label, name, seed, rows))
+    return results
 
 
 def drawn_streams(experiment: Experiment, game: Game) -> dict[str, list[Trajectories]]:

@@ -41,6 +41,8 @@ class Case:
         Are the policies that the learner itself planned judged, too?
     rollouts : int or None
         How many judge the last policies, where the judge takes some; a tenth of them judge the others.
+    optimum : bool
+        Is it compared with the pooled optimum, and are decidable constraints told?
     """
 
     group: str
@@ -49,6 +51,7 @@ class Case:
     method: str | None = None
     own_policies: bool = False
     rollouts: int | None = None
+    optimum: bool = False
 
     def seeded(self, seed: int) -> Experiment:
         """The experiment with demonstrations and rollouts of their own."""
@@ -65,6 +68,7 @@ class CaseSettings(Settings):
     changes: dict[str, Any] = Field(
         {}, description="settings in place of the experiment's; a mapping with a kind is whole"
     )
+    optimum: bool = Field(False, description="compare with the pooled optimum; of games that can be enumerated")
 
 
 class GroupSettings(Settings):
@@ -73,7 +77,7 @@ class GroupSettings(Settings):
     title: str
     cases: tuple[CaseSettings, ...] = Field(min_length=1)
     own_policies: bool = Field(False, description="judge the policies that learners planned themselves, too")
-    pictures: tuple[Literal["learned", "thresholds", "rates", "consensus"], ...] = ("rates",)
+    pictures: tuple[Literal["learned", "thresholds", "rates", "consensus", "effort"], ...] = ("rates",)
     shown: tuple[str, ...] | None = Field(None, description="labels whose learned policies are pictured; none: all")
 
 
@@ -146,7 +150,9 @@ class LoadedStudy:
             for case in group.cases:
                 content = merged(self.experiments[case.experiment].model_dump(mode="json"), case.changes)
                 experiment = checked(content, f"{self.file}: {name}, {case.label}", self.file.parent)
-                yield Case(name, case.label, experiment, case.method, group.own_policies, self.settings.rollouts)
+                yield Case(
+                    name, case.label, experiment, case.method, group.own_policies, self.settings.rollouts, case.optimum
+                )
 
 
 def packaged_studies() -> tuple[str, ...]:

@@ -6,13 +6,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from mabirds_bringup.evaluate.held_out import HeldOut, draw_held_out
 from mabirds_core.algorithm.memory import stacked
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Mask, Vector
 from mabirds_core.experiment.assembly import build_game, evaluation_policy, reward_of
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History, Streams
-from mabirds_core.games.interface import Trajectories, shown_features
+from mabirds_core.games.interface import shown_features
 from mabirds_core.games.whole_game import Game
 from mabirds_core.metrics.constraints import (
     ConstraintErrors,
@@ -23,9 +24,6 @@ from mabirds_core.metrics.constraints import (
 )
 from mabirds_core.metrics.curves import first_at, late_mean, late_minimum, stays_from
 from mabirds_core.metrics.metrics import consensus_distance
-
-HELD_OUT = 200
-"""Demonstrations that experts draw anew, on which likelihoods are taken."""
 
 LEVEL = 0.9
 """Success rate from which on the time is told."""
@@ -102,19 +100,13 @@ def evaluate(
         Exact or sampled, as the game's judge says.
     """
     game = build_game(experiment)
-    drawn = experiment.demonstrations
-    experts = game.experts(drawn.experts, drawn.side) if game.expert_kinds else None
-    demonstrated = None if experts is None else experts.policy
-    held_out = None
-    if experts is not None and demonstrated is not None:
-        held_out = stacked([*experts.demonstrations(HELD_OUT, _held_out_rng(experiment))])
-    rows = []
+    held_out, rows = draw_held_out(experiment, game), []
     for name, parameters in history.items():
         policy = evaluation_policy(experiment, name, game)
         for iteration in game.judge.eval_iterations(len(parameters)):
             planned = policy(parameters[iteration - 1])
             imitation = game.judge.imitation(planned, experiment.seed)
-            rows.append(LearnerMetrics(name, iteration, *imitation, _mean_likelihood(game, planned, held_out)))
+            rows.append(LearnerMetrics(name, iteration, *imitation, held_out.log_likelihood(game, planned)))
             on_row()
     together = list(zip(*history.values(), strict=False))
     final = {name: parameters[-1] for name, parameters in history.items()}
@@ -125,22 +117,14 @@ def evaluate(
         [consensus_distance([learner.omega for learner in learners]) for learners in together],
         game.judge.distance([*policies.values()], experiment.seed),
         {name: learned_constraints(experiment, name, last, demonstrations, game) for name, last in final.items()},
-        None if demonstrated is None else _mean_likelihood(game, demonstrated, held_out),
-        {
-            name: None if demonstrated is None else game.judge.distance([policy, demonstrated], experiment.seed)
-            for name, policy in policies.items()
-        },
+        held_out.log_likelihood(game, held_out.experts),
+        {name: distance_to_experts(experiment, game, policy, held_out) for name, policy in policies.items()},
     )
 
 
-def _held_out_rng(experiment: Experiment) -> np.random.Generator:
-    """Of demonstrations that no recording with this seed has."""
-    return np.random.default_rng([experiment.demonstrations.seed, HELD_OUT, experiment.seed])
-
-
-def _mean_likelihood(game: Game, policy: Any, held_out: Trajectories | None) -> float | None:
-    nats = None if held_out is None else game.judge.log_likelihoods(policy, held_out)
-    return None if nats is None else float(nats.mean())
+def distance_to_experts(experiment: Experiment, game: Game, policy: Any, held_out: HeldOut) -> float | None:
+    """Total variation distance of a policy's occupancy to the experts'; None where that cannot be said."""
+    return None if held_out.experts is None else game.judge.distance([policy, held_out.experts], experiment.seed)
 
 
 def learned_constraints(

@@ -5,7 +5,8 @@ from typing import Any
 
 from mabirds_bringup.bench.behaviour.counting import counting_scores
 from mabirds_bringup.bench.behaviour.draw import Draw, draw, with_paper_steps
-from mabirds_bringup.bench.behaviour.pooled import pooled_optimum
+from mabirds_bringup.bench.comparison import decidable_constraints
+from mabirds_bringup.bench.pooled import pooled_optimum
 from mabirds_bringup.evaluate.evaluation import learned_constraints
 from mabirds_core.algorithm.memory import stacked
 from mabirds_core.algorithm.parameters import Parameters
@@ -19,9 +20,6 @@ from mabirds_core.games.tabular.decidable import touch_without
 from mabirds_core.metrics.constraints import by_threshold, constraint_errors, ranking_auc
 from mabirds_core.metrics.curves import LATE, late_mean, late_minimum
 from mabirds_core.metrics.likelihood import log_likelihoods
-
-DECIDABLE_AT = 0.99
-"""A constraint is decidable where experts without it would have been seen to touch it with this probability."""
 
 MABIRDS, PAPER, COUNTING = "MA-BIRDS", "paper's steps", "never visited"
 
@@ -117,7 +115,7 @@ class _Judged:
     def _errors(self, learned: Mask, scores: Vector, shown: Trajectories) -> Row:
         truth = self._game.true_constraints
         used = shown_features(self._game, shown).used
-        decidable = truth & (1 - (1 - self._touch) ** len(shown.states) >= DECIDABLE_AT)
+        decidable = decidable_constraints(self._touch, truth, len(shown.states))
         return {
             "called": int(learned.sum()),
             "false": int((learned & ~truth).sum()),

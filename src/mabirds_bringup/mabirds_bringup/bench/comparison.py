@@ -1,0 +1,145 @@
+"""What was learned beside what there was to learn: experts, held-out demonstrations, optimum, decidable constraints."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mabirds_bringup.evaluate.evaluation import distance_to_experts, learned_constraints
+from mabirds_bringup.evaluate.held_out import HeldOut, draw_held_out
+from mabirds_core.algorithm.memory import stacked
+from mabirds_core.algorithm.parameters import Parameters
+from mabirds_core.arrays import Mask, Vector
+from mabirds_core.errors import ExperimentError
+from mabirds_core.experiment.file import Experiment
+from mabirds_core.experiment.simulate import Streams
+from mabirds_core.games.tabular.decidable import touch_without
+from mabirds_core.games.whole_game import Game, ImitationMetrics
+from mabirds_core.metrics.curves import late_minimum
+
+DECIDABLE_AT = 0.99
+"""A constraint is decidable where experts without it would have been seen to touch it with this probability."""
+
+EARLY = 20
+"""Iterations after which no policy should fail any more."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Of one experiment, for all who learned from its streams.
+
+    Attributes
+    ----------
+    experiment, game, streams
+        What was learned, and from what.
+    held_out : HeldOut
+        Experts and demonstrations of theirs.
+    best : float or None
+        Held-out log likelihood of the pooled optimum, or of an iterate on the way to it, whatever is better [nats].
+    touch : Vector or None
+        Probability that experts who are free of a constraint touch it, shape (K,).
+    """
+
+    experiment: Experiment
+    game: Game
+    streams: Streams
+    held_out: HeldOut
+    best: float | None = None
+    touch: Vector | None = None
+
+    @classmethod
+    def of(cls, experiment: Experiment, game: Game, streams: Streams, *, optimum: bool) -> "Comparison":
+        """Draw the held-out demonstrations; ``optimum``: find the pooled optimum, and what can be decided.
+
+        Raises
+        ------
+        ExperimentError
+            The optimum is asked for of a game that cannot be enumerated.
+        """
+        held_out = draw_held_out(experiment, game)
+        if not optimum:
+            return cls(experiment, game, streams, held_out)
+        if not hasattr(game, "successor") or held_out.demonstrations is None:
+            raise ExperimentError(f"optimum: game {experiment.game.kind}: expected one that can be enumerated")
+        from mabirds_bringup.bench.pooled import pooled_optimum  # scipy would count as memory of what was learned
+
+        tabular: Any = game
+        pooled = stacked([demonstration for stream in streams.values() for demonstration in stream])
+        found = pooled_optimum(tabular, pooled, held_out.demonstrations)
+        return cls(experiment, game, streams, held_out, max(found), touch_without(tabular))
+
+    def measures(
+        self, name: str, parameters: Parameters, policy: object, rates: Sequence[ImitationMetrics]
+    ) -> dict[str, float]:
+        """Of a learner or method; what cannot be said is left out.
+
+        Parameters
+        ----------
+        name : str
+            Of the learner or method.
+        parameters : Parameters
+            theta and omega in the end.
+        policy : object
+            Which they mean.
+        rates : Sequence[ImitationMetrics]
+            By iteration, theta(1) first.
+
+        Returns
+        -------
+        dict[str, float]
+            ``late_success``, the least SR of the last iterations; ``success_after_20``, that after EARLY iterations;
+            ``held_out_nats`` and ``expert_nats`` per demonstration, ``nats_below_optimum``; ``occupancy_distance`` to
+            the experts; of the game's test of constraints ``called``, ``tested_fdr``, ``auc`` and ``decidable_found``.
+        """
+        success = [rate.success_rate for rate in rates]
+        nats = self.held_out.log_likelihood(self.game, policy)
+        found = {
+            "late_success": late_minimum(success),
+            "success_after_20": min(success[EARLY + 1 :], default=None),
+            "held_out_nats": nats,
+            "expert_nats": self.held_out.log_likelihood(self.game, self.held_out.experts),
+            "nats_below_optimum": None if nats is None or self.best is None else self.best - nats,
+            "occupancy_distance": distance_to_experts(self.experiment, self.game, policy, self.held_out),
+            **self._constraints(name, parameters),
+        }
+        return {measure: float(value) for measure, value in found.items() if value is not None}
+
+    def _constraints(self, name: str, parameters: Parameters) -> dict[str, float | None]:
+        """By the game's test; nothing where it has none."""
+        constraints = learned_constraints(self.experiment, name, parameters, self.streams, self.game)
+        if constraints.confidences is None:
+            return {}
+        return {
+            "called": float(constraints.learned.sum()),
+            "tested_fdr": constraints.errors.false_discovery_rate,
+            "auc": constraints.auc,
+            "decidable_found": self._found(constraints.learned),
+        }
+
+    def _found(self, learned: Mask) -> float | None:
+        """Share of the constraints that one learner's demonstrations can decide; None where there are none."""
+        if self.touch is None:
+            return None
+        decidable = decidable_constraints(self.touch, self.game.true_constraints, self.experiment.iterations)
+        return float(learned[decidable].mean()) if decidable.any() else None
+
+
+def decidable_constraints(touch: Vector, true_constraints: Mask, demonstrations: int) -> Mask:
+    """Which constraints N demonstrations can decide.
+
+    Parameters
+    ----------
+    touch : Vector
+        Probability that experts who are free of a constraint touch it, shape (K,).
+    true_constraints : Mask
+        Shape (K,).
+    demonstrations : int
+        N.
+
+    Returns
+    -------
+    Mask
+        Those that experts free of them would have touched, with probability DECIDABLE_AT.
+    """
+    return np.asarray(true_constraints & (1 - (1 - touch) ** demonstrations >= DECIDABLE_AT))

@@ -1,0 +1,69 @@
+"""Demonstrations that nobody learned from, and the policy of those who gave them."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mabirds_core.algorithm.memory import stacked
+from mabirds_core.experiment.file import Experiment
+from mabirds_core.games.interface import Trajectories
+from mabirds_core.games.whole_game import Game
+
+HELD_OUT = 200
+"""Demonstrations that experts draw anew, on which likelihoods are taken."""
+
+
+class HeldOut(NamedTuple):
+    """What policies are compared with; nothing where the game's judge cannot follow its experts.
+
+    Attributes
+    ----------
+    experts : Any or None
+        Their policy.
+    demonstrations : Trajectories or None
+        HELD_OUT of them.
+    """
+
+    experts: Any
+    demonstrations: Trajectories | None
+
+    def log_likelihood(self, game: Game, policy: Any) -> float | None:
+        """Mean log p of the demonstrations under a policy.
+
+        Parameters
+        ----------
+        game : Game
+            With its judge.
+        policy : Any
+            Of the game.
+
+        Returns
+        -------
+        float or None
+            In nats per demonstration; None where there are none, or the game cannot say.
+        """
+        nats = None if self.demonstrations is None else game.judge.log_likelihoods(policy, self.demonstrations)
+        return None if nats is None else float(nats.mean())
+
+
+def draw_held_out(experiment: Experiment, game: Game) -> HeldOut:
+    """Draw demonstrations that no recording with the experiment's seed has.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        With its experts and seeds.
+    game : Game
+        Of the experiment.
+
+    Returns
+    -------
+    HeldOut
+        The experts' policy, and demonstrations of theirs.
+    """
+    drawn = experiment.demonstrations
+    experts = game.experts(drawn.experts, drawn.side) if game.expert_kinds else None
+    if experts is None or experts.policy is None:
+        return HeldOut(None, None)
+    rng = np.random.default_rng([drawn.seed, HELD_OUT, experiment.seed])
+    return HeldOut(experts.policy, stacked([*experts.demonstrations(HELD_OUT, rng)]))
