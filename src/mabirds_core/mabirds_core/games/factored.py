@@ -1,0 +1,139 @@
+"""Games of experts who move independently of each other, so that solving them factorises (``planners/factored``).
+
+    R(s, a) = sum_i w_i(c_i, m_i) + D(s) + W[level(s, a)]
+
+Expert i stands in one of n cells c_i and makes one of M moves m_i. A joint state is the mixed-radix number of the cells
+(expert 1 most significant), a joint action that of the moves. D couples the experts through where they are; W through
+what they do, in the few coupled states; everywhere else the level is 0, and W[0] = 0.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mabirds_core.arrays import Array, Indices, Vector
+from mabirds_core.games.interface import TabularGame
+
+MOST_LEVELS = 256
+"""They are kept as bytes."""
+
+
+class Ways(NamedTuple):
+    """All joint actions of a level above 0, in the order of ``coupled_states``.
+
+    Attributes
+    ----------
+    levels : NDArray[np.uint8]
+        Shape (K,).
+    state : Indices
+        Which of the coupled states, shape (K,).
+    after : Indices
+        The joint state after, shape (K,).
+    entries : Indices
+        Where each expert's move is in an array of shape (N_E, n, M), shape (K, N_E).
+    """
+
+    levels: NDArray[np.uint8]
+    state: Indices
+    after: Indices
+    entries: Indices
+
+
+@dataclass(frozen=True)
+class Factors:
+    """The dynamics of such a game.
+
+    Attributes
+    ----------
+    successor : Indices
+        successor[i, c, m]: where move m takes expert i from cell c, shape (N_E, n, M).
+    coupled_states : Indices
+        In rising order, shape (C,).
+    coupled_levels : NDArray[np.uint8]
+        The level of each joint action there, shape (C, A).
+    """
+
+    successor: Indices
+    coupled_states: Indices
+    coupled_levels: NDArray[np.uint8]
+
+    @property
+    def n_experts(self) -> int:
+        """N_E."""
+        return len(self.successor)
+
+    @property
+    def n_cells(self) -> int:
+        """n."""
+        return self.successor.shape[1]
+
+    @property
+    def n_moves(self) -> int:
+        """M."""
+        return self.successor.shape[2]
+
+    @property
+    def n_states(self) -> int:
+        """S = n^N_E."""
+        return int(self.n_cells**self.n_experts)
+
+    def cells(self, states: Indices) -> tuple[Indices, ...]:
+        """Each expert's cells in joint ``states``."""
+        return tuple(np.unravel_index(states, (self.n_cells,) * self.n_experts))
+
+    def moves(self, actions: Indices) -> tuple[Indices, ...]:
+        """Each expert's moves in joint ``actions``."""
+        return tuple(np.unravel_index(actions, (self.n_moves,) * self.n_experts))
+
+    @cached_property
+    def ways(self) -> Ways:
+        """Joint actions of a level above 0."""
+        state, action = np.nonzero(self.coupled_levels)
+        experts = np.arange(self.n_experts)[:, None]
+        cells, moves = np.array(self.cells(self.coupled_states[state])), np.array(self.moves(action))
+        after = np.ravel_multi_index(tuple(self.successor[experts, cells, moves]), (self.n_cells,) * self.n_experts)
+        entries = (experts * self.n_cells + cells) * self.n_moves + moves
+        return Ways(self.coupled_levels[state, action], state, np.asarray(after), entries.T)
+
+    def levels(self, states: Indices) -> NDArray[np.uint8]:
+        """The level of every joint action in M joint ``states``, shape (M, A)."""
+        levels = np.zeros((len(states), self.n_moves**self.n_experts), dtype=np.uint8)
+        if len(self.coupled_states):
+            places = np.minimum(np.searchsorted(self.coupled_states, states), len(self.coupled_states) - 1)
+            coupled = self.coupled_states[places] == states
+            levels[coupled] = self.coupled_levels[places[coupled]]
+        return levels
+
+
+class FactoredReward(NamedTuple):
+    """A reward of such a game.
+
+    Attributes
+    ----------
+    moves : Array
+        w[i, c, m], shape (N_E, n, M).
+    states : Vector
+        D, shape (S,).
+    levels : Vector
+        W, shape (L,); W[0] = 0.
+    """
+
+    moves: Array
+    states: Vector
+    levels: Vector
+
+    def plus(self, other: "FactoredReward") -> "FactoredReward":
+        """The sum of two rewards."""
+        return FactoredReward(self.moves + other.moves, self.states + other.states, self.levels + other.levels)
+
+
+class FactoredGame(TabularGame, Protocol):
+    """A tabular game of independent movers."""
+
+    @property
+    def factors(self) -> Factors:
+        """Its dynamics."""
+        ...
