@@ -94,9 +94,15 @@ class Factors:
         state, action = np.nonzero(self.coupled_levels)
         experts = np.arange(self.n_experts)[:, None]
         cells, moves = np.array(self.cells(self.coupled_states[state])), np.array(self.moves(action))
-        after = np.ravel_multi_index(tuple(self.successor[experts, cells, moves]), (self.n_cells,) * self.n_experts)
         entries = (experts * self.n_cells + cells) * self.n_moves + moves
-        return Ways(self.coupled_levels[state, action], state, np.asarray(after), entries.T)
+        after = self.after(self.coupled_states[state], action)
+        return Ways(self.coupled_levels[state, action], state, after, entries.T)
+
+    def after(self, states: Indices, actions: Indices) -> Indices:
+        """The joint states after joint ``actions`` in joint ``states``, of one shape when broadcast."""
+        own = zip(self.successor, self.cells(states), self.moves(actions), strict=True)
+        cells = tuple(successor[cell, move] for successor, cell, move in own)
+        return np.asarray(np.ravel_multi_index(cells, (self.n_cells,) * self.n_experts))
 
     def levels(self, states: Indices) -> NDArray[np.uint8]:
         """The level of every joint action in M joint ``states``, shape (M, A)."""

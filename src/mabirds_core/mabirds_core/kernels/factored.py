@@ -4,7 +4,6 @@ import ctypes
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mabirds_core.arrays import Array, Vector
 from mabirds_core.games.factored import FactoredReward, Factors
@@ -104,9 +103,7 @@ class _Arguments:
             *factors.ways,
             *reward,
         )
-        self._arrays = [
-            np.ascontiguousarray(array, dtype) for array, (_, dtype) in zip(arrays, _ARRAYS, strict=True)
-        ]
+        self._arrays = [np.ascontiguousarray(array, dtype) for array, (_, dtype) in zip(arrays, _ARRAYS, strict=True)]
         sizes = (*factors.successor.shape, factors.n_states, horizon, len(offset))
         coupled = (*factors.coupled_levels.shape[:1], len(factors.ways.levels), len(reward.levels))
         places = (pointer(array, dtype) for array, (_, dtype) in zip(self._arrays, _ARRAYS, strict=True))
@@ -203,5 +200,3 @@ def _call(name: str, *arguments: object) -> None:
         raise RuntimeError(f"{name}: the kernels are not compiled, or switched off")
     if getattr(kernels, name)(*arguments):
         raise MemoryError(name)
-
-

@@ -95,11 +95,12 @@ KERNEL int mabirds_factored_backward(const Game *g, double *phi, double *chances
   for (int64_t s = 0; s < g->states; s++) gain[last * g->states + s] = 0.0, onward[last * g->states + s] = 1.0;
   shift[last] = 0.0;
   for (int64_t t = g->horizon; t >= 0; t--) {
-    double *own_gain = gain + t * g->states;
+    double *own_gain = gain + t * g->states, *own_onward = onward + t * g->states;
+    for (int64_t k = 1; k <= g->cells; k++) own_onward[g->states - k] = 0.0; /* read with weight 0 before it is known */
     alone(g, least, phi + (t + 1) * rows, phi + t * rows, chances + t * rows * g->moves, scratch);
     begin(g, w, t, phi, chances, onward);
     shift[t] = gains(g, w, own_gain + g->states, shift[t + 1], own_gain);
-    onward_of(g, w, own_gain, shift[t], onward + t * g->states);
+    onward_of(g, w, own_gain, shift[t], own_onward);
   }
   free(w->block);
   return 0;

@@ -7,6 +7,7 @@ import numpy as np
 from mabirds_core.arrays import Array, Indices, Vector, weighted_counts
 from mabirds_core.errors import InfeasibleError
 from mabirds_core.games.interface import TabularGame, Trajectories, Visitation, discounted_visitation
+from mabirds_core.planners.factored import FactoredPolicy
 from mabirds_core.planners.interface import TabularPolicy
 
 BLOCKED = "the policy leads to a state in which every action is blocked; loosen the hard constraints or the starts"
@@ -141,13 +142,15 @@ class ExactOccupancy:
         rng: np.random.Generator,  # noqa: ARG002 - nothing is drawn
         starts: Indices | None = None,
     ) -> Visitation:
-        """Every pair of positive probability.
+        """Every pair of positive probability; by expert, where the policy can say it so.
 
         Raises
         ------
         InfeasibleError
             The policy has no action to take in a state where it leads.
         """
+        if isinstance(policy, FactoredPolicy):  # which has actions to take everywhere
+            return policy.visitation(start_distribution(self.game, starts))
         occupancy = occupancy_measure(self.game, policy, starts)
         if not np.isclose(occupancy.sum(), 1.0, rtol=0, atol=1e-9):
             raise InfeasibleError(BLOCKED)

@@ -10,11 +10,14 @@ constraint: the action gets probability 0, and a state all of whose actions are 
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
 from mabirds_core.arrays import Array, Indices, Mask, Vector
+from mabirds_core.games.factored import FactoredGame
 from mabirds_core.games.interface import TabularFeatureMap, TabularGame, Trajectories
+from mabirds_core.planners.factored import FactoredPolicy, factored_policy, factored_reward
 from mabirds_core.planners.interface import Policy
 from mabirds_core.rewards.models import TabularRewardModel
 
@@ -63,8 +66,11 @@ class SoftBellmanPlanner:
         previous: Policy | None = None,  # noqa: ARG002 - exact from any start
         rng: np.random.Generator | None = None,  # noqa: ARG002 - nothing is drawn
         observed: Trajectories | None = None,  # noqa: ARG002 - nothing is learned from examples
-    ) -> SoftBellmanPolicy:
-        """pi(omega, theta)."""
+    ) -> SoftBellmanPolicy | FactoredPolicy:
+        """pi(omega, theta): one expert after the other where the game and the rewards allow that."""
+        factored = factored_reward(self.reward_model, self.cost_features, theta, omega)
+        if factored is not None:
+            return factored_policy(cast("FactoredGame", self.game), factored)
         reward = self.reward_model.table(theta) + self.cost_features.table(omega)
         return soft_bellman_policy(self.game, reward)
 
