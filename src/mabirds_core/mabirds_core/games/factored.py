@@ -68,12 +68,12 @@ class Factors:
     @property
     def n_cells(self) -> int:
         """n."""
-        return self.successor.shape[1]
+        return int(self.successor.shape[1])
 
     @property
     def n_moves(self) -> int:
         """M."""
-        return self.successor.shape[2]
+        return int(self.successor.shape[2])
 
     @property
     def n_states(self) -> int:

@@ -62,7 +62,7 @@ typedef struct {
   const double *chances;            /* p of this step: [expert][cell][move] */
   const double *phi, *next_phi;     /* of this step and the next: [expert][cell] */
   double *taps;                     /* [offsets][cell]: of the last expert, by where the moves lead */
-  double *levels;                   /* exp(W): [level] */
+  double *levels;                   /* exp(W), where that is used: [level] */
   double *partial[MOST_EXPERTS + 1]; /* [k]: experts after k have moved; [experts] is X itself */
   double *mass;                     /* [slab] */
   double *value;                    /* [joint action] */
@@ -84,7 +84,8 @@ INLINE int64_t power(int64_t base, int64_t exponent) {
 }
 
 INLINE void prepare_tables(const Game *g, Work *w) {
-  for (int64_t l = 0; l < g->levels; l++) w->levels[l] = fixed_exp(g->level_weights[l]);
+  for (int64_t l = 0; l < g->levels; l++)
+    w->levels[l] = fixed_exp(g->level_weights[l] < MOST_GAINED ? g->level_weights[l] : MOST_GAINED);
   for (int64_t a = 0; a < w->actions; a++) {
     int64_t rest = a;
     for (int64_t i = g->experts - 1; i >= 0; i--) {

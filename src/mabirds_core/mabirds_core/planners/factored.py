@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from mabirds_core.arithmetic import exp, powers
 from mabirds_core.arrays import Array, Indices, Vector, weighted_counts
 from mabirds_core.games.factored import FactoredGame, FactoredReward
 from mabirds_core.games.interface import Steps, Visitation
@@ -144,9 +145,9 @@ class FactoredPolicy:
         game, present = self.game, start
         everywhere, counts = np.arange(game.n_states), np.zeros((game.n_states, game.n_actions))
         after = self._after(everywhere)
-        for step in range(game.horizon + 1):
-            pairs = present[:, None] * np.exp(self.log_probabilities(step, everywhere))
-            counts += game.discount**step * pairs
+        for step, weight in enumerate(powers(game.discount, game.horizon + 1)):
+            pairs = present[:, None] * exp(self.log_probabilities(step, everywhere))
+            counts += weight * pairs
             present = weighted_counts(after, pairs, game.n_states)
         states, actions = np.nonzero(counts)
         return Visitation(states, actions, counts[states, actions])
@@ -195,7 +196,9 @@ def factored_reward(reward_model: Any, cost_features: Any, theta: Vector, omega:
         The sum.
     """
     features = getattr(reward_model, "features", None)
-    if not (hasattr(features, "factored") and hasattr(cost_features, "factored") and library()):
+    if features is None or library() is None:
+        return None
+    if not (hasattr(features, "factored") and hasattr(cost_features, "factored")):
         return None
     of_reward: FactoredReward = features.factored(reward_model.weights(theta))
     return of_reward.plus(cost_features.factored(omega))

@@ -14,6 +14,7 @@ from typing import cast
 
 import numpy as np
 
+from mabirds_core.arithmetic import exp, log
 from mabirds_core.arrays import Array, Indices, Mask, Vector
 from mabirds_core.games.factored import FactoredGame
 from mabirds_core.games.interface import TabularFeatureMap, TabularGame, Trajectories
@@ -151,5 +152,4 @@ def log_sum_exp(table: Array) -> Vector:
     """log sum_a exp table[s, a], shape (S,), safe for large numbers; -inf for rows of only -inf."""
     largest = table.max(axis=1)
     shift = np.where(np.isneginf(largest), 0.0, largest)
-    with np.errstate(divide="ignore"):  # log 0 = -inf is what a blocked row means
-        return np.asarray(shift + np.log(np.exp(table - shift[:, None]).sum(axis=1)))
+    return np.asarray(shift + log(exp(table - shift[:, None]).sum(axis=1)))  # log 0 = -inf: a blocked row
