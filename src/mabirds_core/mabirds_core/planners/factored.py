@@ -182,7 +182,7 @@ def factored_reward(reward_model: Any, cost_features: Any, theta: Vector, omega:
     Parameters
     ----------
     reward_model : Any
-        r_theta: factorises if it weighs features that do.
+        r_theta: factorises if ``weights(theta)`` says what it weighs its ``features`` with, and these do.
     cost_features : Any
         phi: factorise if they say how.
     theta : Vector
@@ -195,10 +195,10 @@ def factored_reward(reward_model: Any, cost_features: Any, theta: Vector, omega:
     FactoredReward or None
         The sum.
     """
-    features = getattr(reward_model, "features", None)
-    if features is None or library() is None:
+    features: Any = getattr(reward_model, "features", None)
+    if library() is None or not (hasattr(features, "factored") and hasattr(cost_features, "factored")):
         return None
-    if not (hasattr(features, "factored") and hasattr(cost_features, "factored")):
+    if not hasattr(reward_model, "weights"):
         return None
     of_reward: FactoredReward = features.factored(reward_model.weights(theta))
     return of_reward.plus(cost_features.factored(omega))
