@@ -61,8 +61,22 @@ def power(base: float, exponent: float) -> float:
 
 
 def powers(base: float, count: int) -> Vector:
-    """1, base, base^2, ...: ``count`` of them, multiplied one after the other.
+    """1, base, base^2, ..., multiplied one after the other.
 
+    Parameters
+    ----------
+    base : float
+        Of the powers.
+    count : int
+        How many.
+
+    Returns
+    -------
+    Vector
+        Shape (count,).
+
+    Examples
+    --------
     >>> powers(0.5, 4).tolist()
     [1.0, 0.5, 0.25, 0.125]
     """

@@ -99,7 +99,20 @@ class Factors:
         return Ways(self.coupled_levels[state, action], state, after, entries.T)
 
     def after(self, states: Indices, actions: Indices) -> Indices:
-        """The joint states after joint ``actions`` in joint ``states``, of one shape when broadcast."""
+        """Where joint actions lead.
+
+        Parameters
+        ----------
+        states : Indices
+            Joint states.
+        actions : Indices
+            Joint actions, of a shape that broadcasts with theirs.
+
+        Returns
+        -------
+        Indices
+            The joint states after, of the shape of both.
+        """
         own = zip(self.successor, self.cells(states), self.moves(actions), strict=True)
         cells = tuple(successor[cell, move] for successor, cell, move in own)
         return np.asarray(np.ravel_multi_index(cells, (self.n_cells,) * self.n_experts))

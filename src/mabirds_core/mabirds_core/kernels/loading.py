@@ -27,7 +27,19 @@ def library() -> ctypes.CDLL | None:
 
 
 def pointer(array: np.ndarray, dtype: type = np.float64) -> ctypes.c_void_p:
-    """Where a contiguous array of ``dtype`` lies; C sees neither shapes nor types, so they are checked here.
+    """Where a contiguous array lies; C sees neither shapes nor types, so they are checked here.
+
+    Parameters
+    ----------
+    array : np.ndarray
+        Of any shape.
+    dtype : type, optional
+        That it must have.
+
+    Returns
+    -------
+    ctypes.c_void_p
+        Its first element.
 
     Raises
     ------

@@ -122,7 +122,20 @@ class PatrolGrid:
         return self.swapping_in(np.arange(self.n_states)[:, None], np.arange(self.n_actions))
 
     def swapping_in(self, states: NDArray[np.integer], actions: NDArray[np.integer]) -> NDArray[np.int8]:
-        """Pairs of experts that exchange their cells by joint ``actions`` in joint ``states``, broadcast."""
+        """Count pairs of experts that exchange their cells.
+
+        Parameters
+        ----------
+        states : NDArray[np.integer]
+            Joint states.
+        actions : NDArray[np.integer]
+            Joint actions, of a shape that broadcasts with theirs.
+
+        Returns
+        -------
+        NDArray[np.int8]
+            Pairs, of the shape of both.
+        """
         cells, moves = self.cells(states), self.moves(actions)
         after = [table[own, made] for table, own, made in zip(self.expert_successor, cells, moves, strict=True)]
         count = np.zeros(np.broadcast_shapes(states.shape, actions.shape), dtype=np.int8)
