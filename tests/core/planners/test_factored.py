@@ -26,6 +26,7 @@ GAMES = {
     "three in a room": patrol("...\n...\n...", [((0, 0), (0, 2), (2, 0))], ((2, 2), (2, 0), (0, 0)), 8, 0.9),
     "four experts": FOUR,
 }
+BLOCK = patrol("\n".join(["....."] * 5), [((0, 0), (4, 4), (0, 4))], ((4, 4), (0, 0), (4, 0)), 3, 0.95)
 every_game = pytest.mark.parametrize("game", GAMES.values(), ids=GAMES)
 WEIGHTS = [
     (1.0, -3.0),
@@ -144,7 +145,15 @@ def _remaining(game: PatrolGame, policy: SoftBellmanPolicy, kept: Totals) -> flo
     return float(present.sum())
 
 
-@every_game
+def test_more_states_than_numpy_takes_at_a_time() -> None:
+    theta, omega = weights(BLOCK, 2.0, -5.0)
+    found, expected = (solve(BLOCK, theta, omega) for solve in (fast, slow))
+    np.testing.assert_allclose(found.values, expected.values, rtol=1e-13, atol=1e-12)
+    everywhere = np.arange(BLOCK.n_states)
+    np.testing.assert_allclose(*(policy.log_probabilities(1, everywhere) for policy in (found, expected)), atol=1e-11)
+
+
+@pytest.mark.parametrize("game", [*GAMES.values(), BLOCK], ids=[*GAMES, "three on a block"])
 def test_levels_are_the_pairs_that_swap(game: PatrolGame) -> None:
     np.testing.assert_array_equal(game.factors.levels(np.arange(game.n_states)), game.swapping)
 

@@ -14,7 +14,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mabirds_core.arrays import Array, Indices, Vector
+from mabirds_core.arrays import Array, Indices, Vector, digits
 from mabirds_core.games.interface import TabularGame
 
 MOST_LEVELS = 256
@@ -80,20 +80,20 @@ class Factors:
         """S = n^N_E."""
         return int(self.n_cells**self.n_experts)
 
-    def cells(self, states: Indices) -> tuple[Indices, ...]:
-        """Each expert's cells in joint ``states``."""
-        return tuple(np.unravel_index(states, (self.n_cells,) * self.n_experts))
+    def cells(self, states: Indices) -> Indices:
+        """Each expert's cells in joint ``states``: (N_E, *states.shape)."""
+        return digits(states, self.n_cells, self.n_experts)
 
-    def moves(self, actions: Indices) -> tuple[Indices, ...]:
-        """Each expert's moves in joint ``actions``."""
-        return tuple(np.unravel_index(actions, (self.n_moves,) * self.n_experts))
+    def moves(self, actions: Indices) -> Indices:
+        """Each expert's moves in joint ``actions``: (N_E, *actions.shape)."""
+        return digits(actions, self.n_moves, self.n_experts)
 
     @cached_property
     def ways(self) -> Ways:
         """Joint actions of a level above 0."""
         state, action = np.nonzero(self.coupled_levels)
         experts = np.arange(self.n_experts)[:, None]
-        cells, moves = np.array(self.cells(self.coupled_states[state])), np.array(self.moves(action))
+        cells, moves = self.cells(self.coupled_states[state]), self.moves(action)
         entries = (experts * self.n_cells + cells) * self.n_moves + moves
         after = self.after(self.coupled_states[state], action)
         return Ways(self.coupled_levels[state, action], state, after, entries.T)

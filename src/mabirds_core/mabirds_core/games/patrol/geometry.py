@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from mabirds_core.arrays import Indices
+from mabirds_core.arrays import Indices, digits
 from mabirds_core.games.factored import Factors
 
 MOVE_NAMES = ("north", "east", "south", "west")
@@ -73,11 +73,11 @@ class PatrolGrid:
 
     def cells(self, states: NDArray[np.integer]) -> Indices:
         """The experts' cells in joint ``states`` of any shape: (N_E, *states.shape)."""
-        return np.array(np.unravel_index(states, (self.n_cells,) * self.n_experts))
+        return digits(states, self.n_cells, self.n_experts)
 
     def moves(self, actions: NDArray[np.integer]) -> Indices:
         """The experts' moves in joint ``actions`` of any shape: (N_E, *actions.shape)."""
-        return np.array(np.unravel_index(actions, (N_MOVES,) * self.n_experts))
+        return digits(actions, N_MOVES, self.n_experts)
 
     def joint_state(self, cells: NDArray[np.integer]) -> Indices:
         """Inverse of ``cells``."""
