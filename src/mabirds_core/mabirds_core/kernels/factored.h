@@ -151,6 +151,11 @@ INLINE void combine_some(double *to, const double *const *from, const double *p,
     LANES_OF(to + j) = a;
     LANES_OF(to + j + 4) = b;
   }
+  for (; j + 4 <= size; j += 4) {
+    lanes a = {0.0};
+    for (int64_t m = 0; m < moves; m++) a += p[m] * LANES(from[m] + j);
+    LANES_OF(to + j) = a;
+  }
   for (; j < size; j++) {
     double a = 0.0;
     for (int64_t m = 0; m < moves; m++) a += p[m] * from[m][j];
@@ -176,6 +181,12 @@ INLINE void shift_some(double *to, const double *from, const double *weights, co
     }
     LANES_OF(to + j) = a;
     LANES_OF(to + j + 4) = b;
+  }
+  for (; j + 4 <= cells; j += 4) {
+    lanes a = {0.0};
+    for (int64_t o = 0; o < offsets; o++)
+      a += LANES(weights + o * cells + j) * LANES(from + sign * offset[o] + j);
+    LANES_OF(to + j) = a;
   }
   for (; j < cells; j++) {
     double a = 0.0;

@@ -180,15 +180,14 @@ def forward(
         Sums, and the probability that is left after step T.
     """
     sums, mass = Totals(*(np.zeros_like(part) for part in reward)), ctypes.c_double()
-    allowed = kept or Totals(*(np.ones_like(part) for part in reward))
     arguments = _Arguments(factors, reward, len(solution.chances) - 1, discount)
     arrays = (*solution[:3], solution.onward[factors.n_cells :], solution.shift, start)
-    parts = [_Parts(*(pointer(part) for part in each)) for each in (allowed, sums)]
+    parts = [_Parts(*(pointer(part) for part in each)) if each else None for each in (kept, sums)]
     _call(
         "mabirds_factored_forward",
         arguments.reference,
         *(pointer(array) for array in arrays),
-        *(ctypes.byref(part) for part in parts),
+        *(ctypes.byref(part) if part else None for part in parts),
         ctypes.byref(mass),
     )
     return sums, mass.value

@@ -3,28 +3,34 @@
 
 /* phi_t(c) = log sum_m exp(w(c, m) + gamma phi_t+1(c')) of each expert alone, and p of its moves, 0 below exp(-cut);
    ``scratch`` is [expert][cell]. */
-INLINE void alone(const Game *g, double cut, const double *next, double *phi, double *chances, double *scratch) {
-  int64_t rows = g->experts * g->cells, size = rows * g->moves;
+INLINE void alone_some(const Game *g, int64_t moves, double cut, const double *next, double *restrict phi,
+                       double *restrict chances, double *restrict scratch) {
+  int64_t rows = g->experts * g->cells, size = rows * moves;
   for (int64_t row = 0; row < rows; row++) {
     const double *of_expert = next + row / g->cells * g->cells;
     double largest = -INFINITY;
-    for (int64_t k = row * g->moves; k < (row + 1) * g->moves; k++) {
+    for (int64_t k = row * moves; k < (row + 1) * moves; k++) {
       chances[k] = g->move_weights[k] + g->discount * of_expert[g->successor[k]];
       largest = chances[k] > largest ? chances[k] : largest;
     }
-    for (int64_t k = row * g->moves; k < (row + 1) * g->moves; k++) chances[k] -= largest;
+    for (int64_t k = row * moves; k < (row + 1) * moves; k++) chances[k] -= largest;
     scratch[row] = largest;
   }
   for (int64_t k = 0; k < size; k++) chances[k] = fixed_exp(chances[k]);
   for (int64_t row = 0; row < rows; row++) {
     phi[row] = 0.0;
-    for (int64_t m = 0; m < g->moves; m++) phi[row] += chances[row * g->moves + m];
-    for (int64_t m = 0; m < g->moves; m++) {
-      double chance = chances[row * g->moves + m] / phi[row];
-      chances[row * g->moves + m] = chance < cut ? 0.0 : chance;
+    for (int64_t m = 0; m < moves; m++) phi[row] += chances[row * moves + m];
+    for (int64_t m = 0; m < moves; m++) {
+      double chance = chances[row * moves + m] / phi[row];
+      chances[row * moves + m] = chance < cut ? 0.0 : chance;
     }
   }
   for (int64_t row = 0; row < rows; row++) phi[row] = scratch[row] + fixed_log(phi[row]);
+}
+
+INLINE void alone(const Game *g, double cut, const double *next, double *phi, double *chances, double *scratch) {
+  if (g->moves == 4) alone_some(g, 4, cut, next, phi, chances, scratch); /* lets the compiler unroll */
+  else alone_some(g, g->moves, cut, next, phi, chances, scratch);
 }
 
 /* Gains of the slab whose sums are in w->mass. */

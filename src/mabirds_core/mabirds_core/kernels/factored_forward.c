@@ -1,7 +1,7 @@
 /* Where the policy of independent experts goes, forwards in time: the transpose of the backward pass (factored.h). */
 #include "factored.h"
 
-/* 1 for what a trajectory may touch, 0 for what it must not: mass that does is lost. */
+/* 1 for what a trajectory may touch, 0 for what it must not: mass that does is lost. No such arrays: all may be. */
 typedef struct {
   const double *moves;  /* [expert][cell][move] */
   const double *states; /* [state] */
@@ -53,7 +53,7 @@ INLINE int64_t flow_size(const Game *g) {
 
 INLINE void step_kept(const Game *g, const Work *w, const Kept *kept, Flow *f) {
   int64_t size = g->experts * g->cells * g->moves;
-  for (int64_t k = 0; k < size; k++) f->kept_chances[k] = w->chances[k] * kept->moves[k];
+  for (int64_t k = 0; k < size; k++) f->kept_chances[k] = kept ? w->chances[k] * kept->moves[k] : w->chances[k];
   step_taps(g, f->kept_chances, f->dots);
   for (int64_t o = 0; o < g->offsets; o++)
     for (int64_t y = 0; y < g->cells; y++) {
@@ -87,11 +87,10 @@ INLINE void begin_step(const Game *g, const Work *w, const Kept *kept, Flow *f, 
   for (int64_t c = 0; c < g->cells; c++) {
     if (!f->active[c]) continue;
     double *restrict flow = f->flow + c * w->slab, *restrict counted = total + c * w->slab;
-    const double *restrict keep = kept->states + c * w->slab;
     int64_t any = 0;
+    for (int64_t j = 0; kept && j < w->slab; j++) flow[j] *= kept->states[c * w->slab + j];
     for (int64_t j = 0; j < w->slab; j++) {
-      double here = flow[j] * keep[j];
-      here = here < floor ? 0.0 : here;
+      double here = flow[j] < floor ? 0.0 : flow[j];
       any |= here > 0.0;
       flow[j] = here;
       counted[j] += weight * here;
@@ -220,11 +219,11 @@ INLINE void spread_state(const Game *g, const Work *w, const Kept *kept, Flow *f
     double part = mass * w->value[a], counted = f->weight * part;
     for (int64_t i = 0; i < g->experts; i++) {
       totals->moves[entry[i] + digits[i]] += counted;
-      part *= kept->moves[entry[i] + digits[i]];
+      if (kept) part *= kept->moves[entry[i] + digits[i]];
     }
     if (level && level[a]) {
       totals->levels[level[a]] += counted;
-      part *= kept->levels[level[a]];
+      if (kept) part *= kept->levels[level[a]];
     }
     f->flow[w->after[a]] += part;
   }
