@@ -18,6 +18,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 
+from mabirds_core.digest import arithmetic_differs
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.assembly import build_game, method_names
 from mabirds_core.texts import truncate
@@ -166,8 +167,11 @@ class ExpertPlayerNode(Node):
         different = {name: pair for name, pair in expected.items() if pair[0] != pair[1]}
         for name, (theirs, ours) in different.items():
             self.get_logger().error(
-                f"{learner} has another {name}: digest {truncate(theirs)}, here {ours}; start both with the same"
-                " experiment file and run",
+                f"{learner} has another {name}: "
+                + (
+                    arithmetic_differs(theirs, ours)
+                    or f"digest {truncate(theirs)}, here {ours}; start both with the same experiment file and run"
+                ),
                 throttle_duration_sec=10.0,
             )
         return not different
