@@ -258,25 +258,30 @@ INLINE double log_chance(const Game *g, const Work *w, int64_t entry) {
 }
 
 /* All joint actions of a state: where they lead, and the products of the experts' p (sums of log p). */
-INLINE void joint_actions(const Game *g, Work *w, int64_t state, int logarithms) {
+INLINE void joint_actions_of(const Game *g, int64_t experts, int64_t moves, Work *w, int64_t state, int logarithms) {
   int64_t count = 1, block = w->slab;
   w->value[0] = logarithms ? 0.0 : 1.0;
   w->after[0] = 0;
-  for (int64_t i = 0; i < g->experts; i++) {
-    int64_t cell = state / block, entry = (i * g->cells + cell) * g->moves;
+  for (int64_t i = 0; i < experts; i++) {
+    int64_t cell = state / block, entry = (i * g->cells + cell) * moves;
     for (int64_t a = count - 1; a >= 0; a--) {
       double value = w->value[a];
       int32_t after = w->after[a];
-      for (int64_t m = g->moves - 1; m >= 0; m--) {
-        w->value[a * g->moves + m] =
+      for (int64_t m = moves - 1; m >= 0; m--) {
+        w->value[a * moves + m] =
             logarithms ? value + log_chance(g, w, entry + m) : value * w->chances[entry + m];
-        w->after[a * g->moves + m] = after + g->successor[entry + m] * (int32_t)block;
+        w->after[a * moves + m] = after + g->successor[entry + m] * (int32_t)block;
       }
     }
     state -= cell * block;
     block /= g->cells;
-    count *= g->moves;
+    count *= moves;
   }
+}
+
+INLINE void joint_actions(const Game *g, Work *w, int64_t state, int logarithms) {
+  if (g->experts == 2 && g->moves == 4) joint_actions_of(g, 2, 4, w, state, logarithms);
+  else joint_actions_of(g, g->experts, g->moves, w, state, logarithms);
 }
 
 /* The level of each joint action; 0 for a state that is not coupled, where it is 0 throughout. */

@@ -206,27 +206,34 @@ INLINE void count_last(const Game *g, Work *w, Flow *f, Totals *totals) {
 }
 
 /* One state, action by action: w->value has the chances of the actions, but for the factor ``mass``. */
-INLINE void spread_state(const Game *g, const Work *w, const Kept *kept, Flow *f, Totals *totals, int64_t state,
-                         double mass, const uint8_t *level) {
-  int64_t entry[MOST_EXPERTS], block = w->slab;
-  for (int64_t i = 0; i < g->experts; i++) {
-    entry[i] = (i * g->cells + state / block) * g->moves;
+INLINE void spread_state_of(const Game *g, int64_t experts, int64_t moves, const Work *w, const Kept *kept, Flow *f,
+                            Totals *totals, int64_t state, double mass, const uint8_t *level) {
+  int64_t entry[MOST_EXPERTS], block = w->slab, actions = power(moves, experts);
+  double *counts = totals->moves, *flow = f->flow, weight = f->weight;
+  for (int64_t i = 0; i < experts; i++) {
+    entry[i] = (i * g->cells + state / block) * moves;
     state %= block;
     block /= g->cells;
   }
-  for (int64_t a = 0; a < w->actions; a++) {
-    const int32_t *digits = w->digits + a * g->experts;
-    double part = mass * w->value[a], counted = f->weight * part;
-    for (int64_t i = 0; i < g->experts; i++) {
-      totals->moves[entry[i] + digits[i]] += counted;
+  for (int64_t a = 0; a < actions; a++) {
+    const int32_t *digits = w->digits + a * experts;
+    double part = mass * w->value[a], counted = weight * part;
+    for (int64_t i = 0; i < experts; i++) {
+      counts[entry[i] + digits[i]] += counted;
       if (kept) part *= kept->moves[entry[i] + digits[i]];
     }
     if (level && level[a]) {
       totals->levels[level[a]] += counted;
       if (kept) part *= kept->levels[level[a]];
     }
-    f->flow[w->after[a]] += part;
+    flow[w->after[a]] += part;
   }
+}
+
+INLINE void spread_state(const Game *g, const Work *w, const Kept *kept, Flow *f, Totals *totals, int64_t state,
+                         double mass, const uint8_t *level) {
+  if (g->experts == 2 && g->moves == 4) spread_state_of(g, 2, 4, w, kept, f, totals, state, mass, level);
+  else spread_state_of(g, g->experts, g->moves, w, kept, f, totals, state, mass, level);
 }
 
 /* w->value: p exp(W) X of each joint action. */
