@@ -6,48 +6,27 @@ Iteration numbers decide, not the order of files, messages or times. docs/player
 import struct
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Self
 
-import lz4.frame  # type: ignore[import-untyped]
-import zstandard
 from mabirds_msgs.msg import Demonstration
-from mcap.exceptions import McapError
-from mcap.records import Channel
+from mcap.records import Channel, Schema
 from rclpy.serialization import deserialize_message
 
 from mabirds_core.errors import RefusedMessageError
 from mabirds_core.games.interface import ConstrainedMarkovGame, Trajectories
 from mabirds_core.texts import sanitize, truncate
-from mabirds_msgs_py.bag_files import LZ4, ZSTD, bag_files, open_mcap
+from mabirds_msgs_py.bag_files import bag_files
+from mabirds_msgs_py.bag_pass import MAX_LIST, REMEDY, message_data, read_file
 from mabirds_msgs_py.conversion import read_demonstration
 from mabirds_msgs_py.demonstration_head import DemonstrationHead, demonstration_head
 from mabirds_msgs_py.demonstration_spool import Place, Spool
 from mabirds_msgs_py.errors import BagError
 from mabirds_msgs_py.interfaces import type_hash, type_name
-from mabirds_msgs_py.mcap_scan import MAX_RECORD, McapScan
+from mabirds_msgs_py.mcap_scan import Found, McapScan
 from mabirds_msgs_py.topics import bag_topic
-
-DAMAGE = (
-    McapError,
-    zstandard.ZstdError,
-    RuntimeError,
-    struct.error,
-    ValueError,
-    KeyError,
-    IndexError,
-    EOFError,
-    OverflowError,
-    OSError,
-)
-"""What readers raise on damaged files (lz4: RuntimeError; UnicodeDecodeError is a ValueError)."""
-
-MAX_LIST = 1000
-"""Characters of what an error says about the topics of a file."""
-
-REMEDY = "the file is damaged or was not closed; fetch it again or record it anew; `mabirds bag repair` saves the rest"
 
 OTHER_GAME = "the bag is of another game, or of a version before: record it anew, or name the bag of this game"
 
@@ -171,24 +150,13 @@ class DemonstrationBag:
     def _take(self, number: int) -> None:
         """Copy the demonstrations of one file."""
         file, topics = self._files[number], {bag_topic(learner): learner for learner in self._spools}
-        with open_mcap(file) as stream:
-            scan = McapScan(stream, topics.__contains__)
-            try:
-                typed = set[int]()
-                for found in scan.messages():
-                    if found.channel.id not in typed:
-                        _require_type(file, found.channel, scan)
-                        typed.add(found.channel.id)
-                    learner = topics[found.channel.topic]
-                    data = message_data(found.data)
-                    head = self._head(number, learner, data)
-                    self._spools[learner].add(head.iteration, data, Place(number, found.time))
-            except BagError:
-                raise
-            except DAMAGE as error:
-                raise BagError(f"{file}: {_reason(error)}; {_intact(file)}; {REMEDY}") from None
-        for channel, count in scan.counts.items():
-            self._counts[scan.channels[channel].topic] += count
+
+        def take(found: Found, _: McapScan) -> None:
+            learner, data = topics[found.channel.topic], message_data(found.data)
+            head = self._head(number, learner, data)
+            self._spools[learner].add(head.iteration, data, Place(number, found.time))
+
+        self._counts.update(read_file(file, topics.__contains__, take, partial(_require_type, file)))
 
     def _head(self, file: int, learner: str, data: bytes) -> DemonstrationHead:
         """For whom a demonstration is and of what game, compared with what it must be."""
@@ -241,37 +209,6 @@ class DemonstrationBag:
         raise BagError(f"{words}; {_topics_there(self._counts)}; name a bag that has it, or record one")
 
 
-def message_data(data: bytes) -> bytes:
-    """A message as it was serialised; rosbag2's message compression is undone.
-
-    Plain CDR begins with a zero byte, so that a compressed message cannot be taken for one that is not.
-
-    Parameters
-    ----------
-    data : bytes
-        As in the file.
-
-    Returns
-    -------
-    bytes
-        At most MAX_RECORD of them.
-
-    Raises
-    ------
-    ValueError
-        It is larger; the decompressors raise errors of their own.
-    """
-    if data.startswith(ZSTD):
-        plain = zstandard.ZstdDecompressor(max_window_size=2**27).stream_reader(data).read(MAX_RECORD + 1)
-    elif data.startswith(LZ4):
-        plain = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=MAX_RECORD + 1)
-    else:
-        return data
-    if len(plain) > MAX_RECORD:
-        raise ValueError(f"a compressed message of more than {MAX_RECORD} bytes")
-    return plain
-
-
 def _deserialized(data: bytes, where: str) -> Demonstration:
     try:
         return deserialize_message(data, Demonstration)
@@ -293,9 +230,8 @@ def _same(one: bytes, other: bytes, where: str) -> bool:
     return bool(messages[0] == messages[1])
 
 
-def _require_type(file: Path, channel: Channel, scan: McapScan) -> None:
+def _require_type(file: Path, channel: Channel, schema: Schema | None) -> None:
     """Is it a demonstration? An unknown hash is empty or not there."""
-    schema = scan.schemas.get(channel.schema_id)
     expected, expected_hash = type_name(Demonstration), type_hash(Demonstration)
     name = schema.name if schema else "no type"
     given_hash = channel.metadata.get("topic_type_hash") or expected_hash
@@ -305,20 +241,6 @@ def _require_type(file: Path, channel: Channel, scan: McapScan) -> None:
             f" {sanitize(channel.message_encoding)}), expected {expected} ({expected_hash}, cdr);"
             " record the bag anew with this version"
         )
-
-
-def _reason(error: Exception) -> str:
-    return sanitize(str(error)) or type(error).__name__
-
-
-def _intact(file: Path) -> str:
-    """How far a damaged file can be read: the last intact iteration of each topic."""
-    counts = Counter[str]()
-    with suppress(*DAMAGE), open_mcap(file) as stream:
-        for found in McapScan(stream, lambda _: True).messages():
-            counts[found.channel.topic] += 1
-    intact = [f"topic {sanitize(topic)}: iteration {counts[topic]}" for topic in sorted(counts)]
-    return "intact up to " + (truncate(", ".join(intact), MAX_LIST) or "no iteration of any topic")
 
 
 def _topics_there(counts: Counter[Any]) -> str:
