@@ -84,6 +84,16 @@ class PlayerControl:
         self._wake()
         return True
 
+    def seek_by(self, difference: int) -> bool:
+        """Go on or back by so many nanoseconds, as far as the recording reaches."""
+        first, last = self._playback.span
+        return self.seek(min(max(self._playback.position(time.monotonic()) + difference, first), last))
+
+    def step(self) -> None:
+        """Publish the next demonstration, while paused."""
+        reason = self.begin_step(1)
+        self._tell(f"no step: {reason}" if reason else "next")
+
     def stop(self) -> None:
         """End playing."""
         self._playback.stopped = True
