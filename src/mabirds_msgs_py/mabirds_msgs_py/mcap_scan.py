@@ -34,6 +34,8 @@ WORTH_A_LOOK = 2**16
 PIECE = 2**20
 """Bytes that are passed over at once where seeking is not possible."""
 
+ZSTD = zstandard.ZstdDecompressor(max_window_size=2**27)
+
 HEAD = struct.Struct("<BQ")
 MESSAGE = struct.Struct("<HIQQ")
 CHUNK = struct.Struct("<QQQII")
@@ -141,8 +143,8 @@ class McapScan:
         if len(head) < HEAD.size:
             raise McapError("it ends without a footer")
         opcode, length = HEAD.unpack(head)
-        if length > self._size - self._stream.tell():
-            raise McapError(f"a record has length {length}, more than the file has left")
+        if length > self._size:
+            raise McapError(f"a record has length {length}, more than the file")
         return opcode, length
 
     def _pass_over(self, size: int) -> None:
@@ -186,31 +188,29 @@ class McapScan:
             pass_over(length)
 
     def _chunk(self, length: int) -> Iterator[Found]:
-        place, end = self._stream.tell() - HEAD.size, self._stream.tell() + length
-        self._chunks.append(place)
+        start = self._stream.tell()
+        end = start + length
+        self._chunks.append(start - HEAD.size)
         _, _, size, crc, name_length = CHUNK.unpack(_whole(self._stream, CHUNK.size))
         name = _whole(self._stream, min(name_length, 64)).decode()
         compressed = int.from_bytes(_whole(self._stream, 8), "little")
-        if self._stream.tell() + compressed != end:
+        if start + CHUNK.size + len(name.encode()) + 8 + compressed != end:
             raise McapError(f"a chunk whose data claim {compressed} bytes, other than its record has")
         if compressed < WORTH_A_LOOK or self._holds_wanted(end):
-            content = _Content(self._decompressed(name, compressed, size), size)
-            if size <= SMALL_CHUNK:
-                data = content.read(size)
-                self._check(content, size, crc)
-                yield from self._within(io.BytesIO(data))
-            else:
-                yield from self._within(content)
-                self._check(content, size, crc)
+            yield from self._content(name, compressed, size, crc)
         self._stream.seek(end)
 
-    @staticmethod
-    def _check(content: _Content, size: int, crc: int) -> None:
-        content.pass_over(content.left)
-        if content.left or content.is_more:
-            raise _other_size(size)
-        if crc not in (0, content.crc):
-            raise McapError(f"crc validation failed in a chunk, expected: {crc}, calculated: {content.crc}")
+    def _content(self, name: str, compressed: int, size: int, crc: int) -> Iterator[Found]:
+        """The wanted messages of a chunk, small ones only once their checksum is right."""
+        if max(size, compressed) <= SMALL_CHUNK:
+            content = _decompressed(name, _whole(self._stream, compressed), size)
+            _check_content(len(content), size, zlib.crc32(content), crc)
+            yield from self._within(io.BytesIO(content))
+            return
+        passing = _Content(self._decompressing(name, compressed, size), size)
+        yield from self._within(passing)
+        passing.pass_over(passing.left)
+        _check_content(size - passing.left + passing.is_more, size, passing.crc, crc)
 
     def _holds_wanted(self, end: int) -> bool:
         """Do the index records after a chunk name a wanted channel, or one not known yet, or are there none?"""
@@ -229,25 +229,15 @@ class McapScan:
         self.counts.update(counts)
         return False
 
-    def _decompressed(self, name: str, compressed: int, size: int) -> Readable:
-        """The content of a chunk as a stream; what it says of its size is looked at first."""
-        data = _Limited(self._stream, compressed)
-        if name == "":
-            if compressed != size:
-                raise _other_size(size)
-            return data
+    def _decompressing(self, name: str, compressed: int, size: int) -> Readable:
+        """The content of a chunk as a stream."""
         start = self._stream.tell()
-        head = _whole(self._stream, min(compressed, 64))
+        _require_size(name, _whole(self._stream, min(compressed, 64)), compressed, size)
         self._stream.seek(start)
+        data = _Limited(self._stream, compressed)
         if name == "zstd":
-            if zstandard.frame_content_size(head) not in (-1, size):
-                raise _other_size(size)
-            return zstandard.ZstdDecompressor(max_window_size=2**27).stream_reader(cast("IO[bytes]", data))
-        if name == "lz4":
-            if lz4.frame.get_frame_info(head)["content_size"] not in (0, size):
-                raise _other_size(size)
-            return lz4.frame.LZ4FrameFile(data)
-        raise McapError(f"compression {truncate(name)!r}, expected zstd, lz4 or none")
+            return ZSTD.stream_reader(cast("IO[bytes]", data))
+        return lz4.frame.LZ4FrameFile(data) if name == "lz4" else data
 
     def _within(self, content: Any) -> Iterator[Found]:
         """The wanted messages of a chunk."""
@@ -299,6 +289,37 @@ def _whole(stream: Readable, length: int) -> bytes:
     if len(data) < length:
         raise McapError(f"a record of {length} bytes ends after {len(data)}")
     return data
+
+
+def _require_size(name: str, head: bytes, compressed: int, size: int) -> None:
+    """Compare what a chunk says of its size with what its data say, before there is room made for it."""
+    if name == "":
+        fits = compressed == size
+    elif name == "zstd":
+        fits = zstandard.frame_content_size(head) in (-1, size)
+    elif name == "lz4":
+        fits = lz4.frame.get_frame_info(head)["content_size"] in (0, size)
+    else:
+        raise McapError(f"compression {truncate(name)!r}, expected zstd, lz4 or none")
+    if not fits:
+        raise _other_size(size)
+
+
+def _decompressed(name: str, data: bytes, size: int) -> bytes:
+    """The content of a small chunk; one byte more than its size where there is more."""
+    _require_size(name, data[:64], len(data), size)
+    if name == "zstd":
+        return ZSTD.stream_reader(data).read(size + 1)
+    if name == "lz4":
+        return bytes(lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1))
+    return data
+
+
+def _check_content(found: int, size: int, crc: int, expected_crc: int) -> None:
+    if found != size:
+        raise _other_size(size)
+    if expected_crc not in (0, crc):
+        raise McapError(f"crc validation failed in a chunk, expected: {expected_crc}, calculated: {crc}")
 
 
 def _other_size(size: int) -> McapError:
