@@ -29,7 +29,20 @@ class Recording(Protocol):
     """Where demonstrations are from; ``DemonstrationBag`` is one."""
 
     def time(self, learner: str, iteration: int) -> int:
-        """Nanoseconds since the epoch."""
+        """When a demonstration was recorded.
+
+        Parameters
+        ----------
+        learner : str
+            Its name.
+        iteration : int
+            Of the demonstration, from 1 on.
+
+        Returns
+        -------
+        int
+            Nanoseconds since the epoch.
+        """
 
     def count(self, learner: str) -> int:
         """How many there are."""
@@ -188,7 +201,20 @@ class Playback:
         return self.streams[learner].due_at(partial(self.gap, learner))
 
     def gap(self, learner: str, iteration: int) -> float:
-        """Recorded seconds from demonstration ``iteration`` - 1 to ``iteration``, as they are played."""
+        """The pause before a demonstration, as it is played.
+
+        Parameters
+        ----------
+        learner : str
+            Whose.
+        iteration : int
+            Of the demonstration.
+
+        Returns
+        -------
+        float
+            Recorded seconds after the one before.
+        """
         if self.hz > 0:
             return min(self.clock.rate / self.hz, LONGEST)
         if iteration <= 1:

@@ -99,13 +99,39 @@ LISTS = {
 
 
 def strings(node: Node, name: str) -> list[str]:
-    """A parameter of LISTS; empty where it is unset."""
+    """A parameter of LISTS.
+
+    Parameters
+    ----------
+    node : Node
+        The player.
+    name : str
+        Of the parameter.
+
+    Returns
+    -------
+    list[str]
+        Empty where it is unset.
+    """
     value: Sequence[str] | None = node.get_parameter_or(name, Parameter(name)).value
     return list(value or [])
 
 
 def bags_of(node: Node, experiment: Experiment) -> list[Path]:
-    """The bags that a player plays."""
+    """The bags that a player plays.
+
+    Parameters
+    ----------
+    node : Node
+        The player.
+    experiment : Experiment
+        Whose bag it is where none is named.
+
+    Returns
+    -------
+    list[Path]
+        One, or several to be played as one.
+    """
     several = strings(node, "bags")
     bag = node.get_parameter("bag").value or experiment.demonstrations.bag
     return [Path(name) for name in several] or [Path(bag)]
@@ -152,7 +178,22 @@ def _matching(patterns: Sequence[str], learners: Sequence[str], what: str) -> se
 
 
 def part_of(node: Node, recording: Recording, learners: Sequence[str]) -> Part:
-    """Which part of a recording the parameters name."""
+    """Which part of a recording the parameters name.
+
+    Parameters
+    ----------
+    node : Node
+        The player.
+    recording : Recording
+        What there is.
+    learners : Sequence[str]
+        To whom it plays.
+
+    Returns
+    -------
+    Part
+        From start_offset and start_iteration on, until the earlier of the two limits.
+    """
     value: Any = {name: node.get_parameter(name).value for name in (*NUMBERS, *WHOLE_NUMBERS)}
     beginning = min(recording.time(learner, 1) for learner in learners)
     start = beginning + round(value["start_offset"] * NANOSECONDS)

@@ -36,7 +36,20 @@ class ReadAhead:
         return self._bag.message(self._learner, iteration)
 
     def fill(self, sent: int, total: int) -> bool:
-        """Read some that follow ``sent``; were there any to read?"""
+        """Read some that will be asked for next.
+
+        Parameters
+        ----------
+        sent : int
+            The newest one that was sent.
+        total : int
+            The last one that will be.
+
+        Returns
+        -------
+        bool
+            Whether there were any to read.
+        """
         last = int(self._kept[-1].iteration) if self._kept else sent
         wanted = range(last + 1, min(total, last + AT_ONCE, sent + self._depth) + 1)
         self._kept.extend(self._bag.message(self._learner, iteration) for iteration in wanted)

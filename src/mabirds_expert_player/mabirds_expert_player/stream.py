@@ -62,7 +62,15 @@ class Stream:
         self.sent = max(self.sent, self.acknowledged)
 
     def begin(self, first: int, total: int) -> None:
-        """Play demonstrations ``first`` to ``total``; a learner gets at once what it needs before the first."""
+        """Play a part; a learner gets at once what it needs before it.
+
+        Parameters
+        ----------
+        first : int
+            Its first demonstration.
+        total : int
+            Its last one.
+        """
         self.first, self.total, self.last_due, self.appointed = first, total, None, None
         self.jump(first)
 

@@ -26,9 +26,9 @@ class Repaired:
 
     Parameters
     ----------
-    kept : dict[str, int]
+    kept : Counter[str]
         Messages by topic.
-    left_out : dict[str, int]
+    left_out : Counter[str]
         Demonstrations by topic that come after one that is lost, or again.
     damage : list[str]
         What was wrong, by file.

@@ -27,7 +27,7 @@ Bag = Annotated[Path, typer.Argument(metavar="BAG", help="Directory of a bag, or
 def info(bag: Bag, as_json: Json = False) -> None:
     """Tell what a bag holds: files, topics, demonstrations by learner.
 
-    Example: mabirds bag info bags/patrol
+    Example: mabirds bag info bags/mine
     """
     with guarded_output() as stdout:
         found = survey(bag)
@@ -48,7 +48,7 @@ def check(
 ) -> None:
     """Check a bag: checksums where demonstrations are, iteration numbers; with an experiment, every transition too.
 
-    Example: mabirds bag check bags/patrol --experiment ros_ws/config/patrol.yaml
+    Example: mabirds bag check bags/mine --experiment ros_ws/config/patrol.yaml
     """
     with guarded_output() as stdout:
         if bag.suffix in EXPERIMENT_SUFFIXES and bag.is_file():
