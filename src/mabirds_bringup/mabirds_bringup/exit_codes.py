@@ -6,6 +6,6 @@ BAD_INPUT = 2
 PROCESS_DIED = 3
 """A learner or the player ended before its time; its log is named."""
 NOBODY_THERE = 4
-"""``inspect --once`` found no learner in the domain."""
+"""``inspect --once`` found no learner in the domain, ``mabirds player`` no player."""
 INTERRUPTED = 130
 """Ctrl-C: everything was stopped."""

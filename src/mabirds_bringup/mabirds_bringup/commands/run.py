@@ -3,12 +3,13 @@
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
 import typer
 from rich.live import Live
 
 from mabirds_bringup.commands.options import CentralMethodName, ExperimentFile, Json, RunsDirectory
+from mabirds_bringup.commands.player_options import LESS_THAN_ALL, takes_player_options
 from mabirds_bringup.commands.simulate import demonstrations_of
 from mabirds_bringup.console import console, guarded_output, print_json
 from mabirds_bringup.evaluate.results import audit, write_results
@@ -24,12 +25,10 @@ LINE_PERIOD = 2.0
 """Seconds between two lines of progress where the output is not a terminal."""
 
 
+@takes_player_options(*LESS_THAN_ALL)
 def run(  # noqa: PLR0913, PLR0917 - the options of a command
     file: ExperimentFile,
-    rate: Annotated[float, typer.Option(help="Speed, as a multiple of the recorded timing.", min=0.01, max=1e4)] = 1.0,
-    hz: Annotated[
-        float, typer.Option(help="Demonstrations per second; 0: the recorded timing times --rate.", min=0, max=1e4)
-    ] = 0.0,
+    player: dict[str, Any],
     method: CentralMethodName = None,
     restarts: Annotated[
         int, typer.Option(help="How often a node that died is started again; it goes on where it was.", min=0)
@@ -55,7 +54,7 @@ def run(  # noqa: PLR0913, PLR0917 - the options of a command
             experiment,
             file.absolute(),
             directory,
-            {"rate": rate, "hz": hz},
+            player,
             method=method,
             restarts=restarts,
             only=only or (),
@@ -68,18 +67,21 @@ def run(  # noqa: PLR0913, PLR0917 - the options of a command
         if delivered and result.mass_residual is not None:
             delivered |= {"late": len(delivered.pop("edge_mismatches")), "mass_residual": result.mass_residual}
         seconds = time.monotonic() - start
-        demonstrations = _at_hand(experiment)
+        demonstrations = _at_hand(experiment, [Path(bag) for bag in player.get("bags", [])])
         content = write_results(experiment, result.history, demonstrations, directory, seconds, delivered)
         if as_json:
             print_json(content, stdout)
 
 
-def _at_hand(experiment: Experiment) -> Streams:
-    """The demonstrations that learners had, for the test of constraints; none on a host without the bag."""
-    bag = experiment.demonstrations.bag
-    if bag.exists():
-        return demonstrations_of(experiment)
-    console.print(f"{bag} is not on this host: constraints are told by the threshold on -omega", soft_wrap=True)
+def _at_hand(experiment: Experiment, bags: Sequence[Path]) -> Streams:
+    """The demonstrations that learners had, for the test of constraints; none on a host without the bags."""
+    bags = bags or [experiment.demonstrations.bag]
+    if all(bag.exists() for bag in bags):
+        return demonstrations_of(experiment, bags)
+    console.print(
+        f"{', '.join(map(str, bags))} is not on this host: constraints are told by the threshold on -omega",
+        soft_wrap=True,
+    )
     return {}
 
 

@@ -1,6 +1,7 @@
 """``mabirds simulate``: the same experiment in one process, the reference for the network."""
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 from mabirds_bringup.commands.options import CentralMethodName, ExperimentFile, Json, RunsDirectory
@@ -36,9 +37,9 @@ def simulate(
             print_json(content, stdout)
 
 
-def demonstrations_of(experiment: Experiment) -> Streams:
-    """Each learner's demonstrations, from the experiment's own bag."""
-    with DemonstrationBag(experiment.demonstrations.bag, build_game(experiment), experiment.learners) as bag:
+def demonstrations_of(experiment: Experiment, bags: Sequence[Path] = ()) -> Streams:
+    """Each learner's demonstrations, from these bags or the experiment's own."""
+    with DemonstrationBag(bags or experiment.demonstrations.bag, build_game(experiment), experiment.learners) as bag:
         return {name: list(bag.trajectories(name)) for name in experiment.learners}
 
 
