@@ -8,6 +8,7 @@ import pytest
 import yaml
 from arenas import ARENA, arena, drone_experiment, drone_settings
 from experiments import SETTINGS, changed
+from mabirds_core.games.drones.stencils import Lattice, action_set
 from pydantic import create_model
 
 from mabirds_core.errors import ExperimentError
@@ -16,7 +17,6 @@ from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.planner_checks import LATTICE_ACTIONS, MAX_VALUES
 from mabirds_core.games.drones.planner_settings import LatticeSettings
 from mabirds_core.games.drones.settings import DroneSettings, DroneTask
-from mabirds_core.games.drones.stencils import Lattice, action_set
 from mabirds_core.games.patrol.settings import PatrolSettings
 
 DRONES = Path(__file__).resolve().parents[4] / "ros_ws" / "config" / "drones.yaml"

@@ -29,7 +29,7 @@ ARENA: dict[str, Any] = {
     ],
     "horizon": 3,
     "least_distance": 0.3,
-    "features": {"cost_spacing": 0.5, "cost_width": 0.3, "distance_widths": (0.2, 0.5), "distance_scale": 2.0},
+    "features": {"cost_spacing": 0.5, "cost_width": 0.3, "distance_levels": (0.2, 0.5), "distance_scale": 2.0},
 }
 RNG = np.random.default_rng(7)
 
@@ -65,12 +65,12 @@ def test_costs_of_places_keep_their_shape(game: DroneGame, omega: np.ndarray) ->
 
 def test_a_disc_is_covered_evenly_and_a_rim_is_a_circle() -> None:
     centre, radius = (1.0, -2.0), 0.6
-    away = disc(centre, radius) - centre
+    away = disc(centre, radius, 2000) - centre
     np.testing.assert_allclose(away.mean(axis=0), 0, atol=1e-3)
     np.testing.assert_allclose((away**2).mean(axis=0), radius**2 / 4, rtol=1e-2)  # of a disc
     np.testing.assert_allclose((away[:, 0] ** 4).mean(), radius**4 / 8, rtol=1e-2)
     assert np.hypot(*away.T).max() < radius
-    np.testing.assert_allclose(np.hypot(*(rim(centre, radius) - centre).T), radius)
+    np.testing.assert_allclose(np.hypot(*(rim(centre, radius, 360) - centre).T), radius)
 
 
 def test_costs_of_a_obstacle_are_means_over_the_places_that_a_drone_may_not_enter(
