@@ -156,7 +156,7 @@ DRONE_EXPERIMENT: dict[str, Any] = {
         "rollouts": 6,
         "window": 3,
         "expectation": "sampled",
-        "policy": {"kind": "lattice", "spacing": 0.2, "temperature": 1.0},
+        "policy": {"kind": "lattice", "spacing": 0.173, "temperature": 1.0},
     },
     "learners": ["ann", "bob"],
     "schedule": {"kind": "static"},
@@ -188,6 +188,6 @@ def drone_game(of: Experiment) -> WholeDroneGame:
 def drone_streams(of: Experiment, seed: int = 0) -> dict[str, list[Trajectories]]:
     """A stream per learner, of drones that hurry to their goal regions."""
     game, rng = drone_game(of), np.random.default_rng(seed)
-    planner = LatticePlanner(game, TrueDroneReward(game), spacing=0.2, temperature=0.1)
+    planner = LatticePlanner(game, TrueDroneReward(game), spacing=0.173, temperature=0.1)
     policy = planner.plan(np.zeros(0), np.zeros(len(game.cost_features.names)))
     return {name: [drone_rollouts(game, policy, 1, rng) for _ in range(of.iterations)] for name in of.learners}

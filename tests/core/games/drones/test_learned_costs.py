@@ -104,7 +104,7 @@ def test_closeness_is_the_least_margin_over_a_large_distance(game: DroneGame) ->
     omega = np.zeros(len(game.cost_features.names))
     omega[-4:-2] = -1.0, -0.5
     # Costs fall with the distance, so that the cheapest too small one is the least distance itself.
-    near, far = (2.0 * (np.exp(-(d**2) / (2 * 0.2**2)) + 0.5 * np.exp(-(d**2) / (2 * 0.5**2))) for d in (0.3, 1.0))
+    near, far = (2.0 * (1 / (1 + np.exp((d - 0.2) / 0.03)) + 0.5 / (1 + np.exp((d - 0.5) / 0.03))) for d in (0.3, 1.0))
     np.testing.assert_allclose(closeness_costs(game, omega), near - far)
     assert closeness_costs(game, -omega)[0] < 0
     assert closeness_costs(game, 0 * omega) == 0

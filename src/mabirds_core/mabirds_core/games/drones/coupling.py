@@ -75,7 +75,20 @@ class Table(NamedTuple):
     swapped: bool
 
     def values(self, first: Indices, second: Indices) -> Array:
-        """C_t at nodes of both drones, of any shape."""
+        """C_t.
+
+        Parameters
+        ----------
+        first : Indices
+            Nodes of drone 1.
+        second : Indices
+            Nodes of drone 2, of a shape that fits.
+
+        Returns
+        -------
+        Array
+            In nats, of the shape of both.
+        """
         rows, columns = (second, first) if self.swapped else (first, second)
         return np.asarray(self.top - self.codes[rows, columns] * (DEPTH / LEVELS))
 
@@ -88,7 +101,7 @@ class PairProblem:
     ----------
     kernel : Callable[[int, int], Kernel]
         P^i_t by i (0 or 1) and t.
-    sizes : NDArray[np.int64]
+    sizes : Indices
         n_t of both drones for t = 1 .. T + 1, shape (2, T + 1).
     rewards : Float
         r_12, shape (S_1, ``padded`` (S_2)).
@@ -224,6 +237,11 @@ class CompiledBackup:
         -------
         float
             The largest value of C_t.
+
+        Raises
+        ------
+        MemoryError
+            There is none for a strip of 32 rows.
         """
         stride, size = padded(codes.shape[1]), ctypes.c_int64
         top = float(

@@ -113,7 +113,7 @@ class DroneNodes:
             Shape (M, A, 2) [m/s].
         """
         ways = (self.places[nodes] - places[:, None]) / self.game.dynamics.time_step
-        return np.where(self._arrived(places)[:, None, None], 0.0, ways)
+        return np.where(self.arrived(places)[:, None, None], 0.0, ways)
 
     def rewards(self, rewards: Rewards, places: Array, nodes: Indices) -> Array:
         """r_i of moves.
@@ -136,13 +136,14 @@ class DroneNodes:
         terms = (reward.unary(weights, self.drone, places[:, None], velocities) for reward, weights in rewards)
         return np.asarray(sum(terms, np.zeros(nodes.shape)))
 
-    def _arrived(self, places: Array) -> Mask:
+    def arrived(self, places: Array) -> Mask:
+        """Which places (M, 2) are in the goal region, shape (M,)."""
         goal = self.game.settings.drones[self.drone].goal_region
         return np.asarray(((places - np.array(goal.centre)) ** 2).sum(axis=-1) <= goal.radius**2)
 
     def _absorbed(self, moves: Moves, places: Array) -> Moves:
         """The moves, but for places in the goal region to stay alone."""
-        arrived = self._arrived(places)
+        arrived = self.arrived(places)
         stay = np.arange(moves.nodes.shape[1]) == 0
         nodes = np.where(arrived[:, None], np.where(stay, self.nearest(places)[:, None], -1), moves.nodes)
         return Moves(nodes, np.where(arrived[:, None], stay, moves.shares))
@@ -152,11 +153,11 @@ class DroneNodes:
         """First step at which the drone can be at each node of the lattice, shape (S,); T + 2: none."""
         never = self.game.horizon + 2
         steps = np.where(self._within_reach_of_starts(), 1, never)
-        targets, goal = self.lattice.moves.nodes, self._arrived(self.lattice.places)
+        targets, goal = self.lattice.moves.nodes, self.arrived(self.lattice.places)
         for step in range(2, never):
-            after = targets[(steps < step) & ~goal]
-            after = after[after >= 0]
-            steps[after] = np.minimum(steps[after], step)
+            after = targets[(steps == step - 1) & ~goal]
+            new = after[after >= 0]
+            steps[new] = np.minimum(steps[new], step)
         return steps
 
     def _within_reach_of_starts(self) -> Mask:

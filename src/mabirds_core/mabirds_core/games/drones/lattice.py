@@ -96,6 +96,36 @@ class Choices(NamedTuple):
     log_shares: Array
     scores: Array
 
+    @property
+    def totals(self) -> Vector:
+        """log of the sum of exp of the scores, shape (M,)."""
+        return _log_sum_exp(self.scores.reshape(len(self.scores), -1))
+
+    def log_ratios(self, nodes: list[Indices]) -> Vector:
+        """log pi_t/mu of joint moves.
+
+        Parameters
+        ----------
+        nodes : list[Indices]
+            Where each drone goes, shape (M,) each.
+
+        Returns
+        -------
+        Vector
+            In nats, shape (M,).
+
+        Raises
+        ------
+        ValueError
+            Some of them are no moves from there.
+        """
+        found = [of == node[:, None] for of, node in zip(self.nodes, nodes, strict=True)]
+        if not all(one.any(axis=1).all() for one in found):
+            raise ValueError("expected moves to nodes within reach; these flights are of another lattice")
+        columns = [*(one.argmax(axis=1) for one in found), np.zeros(len(self.scores), np.int64)][:2]
+        at = (np.arange(len(self.scores)), *columns)
+        return np.asarray(self.scores[at] - self.log_shares[at] - self.totals)
+
 
 @dataclass(frozen=True)
 class LatticePolicy:
@@ -157,11 +187,7 @@ class LatticePolicy:
         return Choices(nodes, shares[0][:, :, None] + shares[1][:, None, :], joint)
 
     def values(self, step: int, states: Array) -> Vector:
-        """V_t / tau of M joint states (M, N_E D), shape (M,)."""
-        return self._here(states) + _log_sum_exp(self.choices(step, states).scores.reshape(len(states), -1))
-
-    def log_ratios(self, step: int, states: Array, nodes: list[Indices]) -> Vector:
-        """log pi_t/mu of joint moves.
+        """V_t / tau of joint states.
 
         Parameters
         ----------
@@ -169,27 +195,13 @@ class LatticePolicy:
             t.
         states : Array
             Shape (M, N_E D).
-        nodes : list[Indices]
-            Where each drone goes, shape (M,) each.
 
         Returns
         -------
         Vector
-            In nats, shape (M,).
-
-        Raises
-        ------
-        ValueError
-            One of the moves is not one of the lattice's.
+            Shape (M,).
         """
-        choices = self.choices(step, states)
-        found = [of == node[:, None] for of, node in zip(choices.nodes, nodes, strict=True)]
-        if not all(one.any(axis=1).all() for one in found):
-            raise ValueError(f"step {step}: expected moves to nodes within reach; these flights are of another lattice")
-        columns = [*(one.argmax(axis=1) for one in found), np.zeros(len(states), np.int64)][:2]
-        at = (np.arange(len(states)), *columns)
-        total = _log_sum_exp(choices.scores.reshape(len(states), -1))
-        return np.asarray(choices.scores[at] - choices.log_shares[at] - total)
+        return self._here(states) + self.choices(step, states).totals
 
     def residuals(self, trajectories: Trajectories) -> Vector:
         """The certificate: V_0(s_0) - sum_t gamma^t ( r_t - log pi_t/mu ) along flights from node to node.
@@ -209,7 +221,7 @@ class LatticePolicy:
         for step in range(game.horizon + 1):
             here, action = states[:, step], actions[:, step]
             earned = sum(total_reward(game.space, of, weights, here, action) for of, weights in self.rewards)
-            ratios = self.log_ratios(step, here, self._nodes(game.step(here, action)))
+            ratios = self.choices(step, here).log_ratios(self._nodes(game.step(here, action)))
             result -= game.discount**step * (earned / self.temperature - ratios)
         return result
 
@@ -264,7 +276,9 @@ class LatticePlanner:
     temperature: float = 1.0
     shape: Shape = "hexagonal"
     rotations: int = 8
-    """How many lattices are taken in turn, by chance. One more is for who does not draw: it judges."""
+    """How many lattices there are to draw from. One more is for who does not draw: it judges."""
+    draws: bool = True
+    """Draw a lattice for every plan?"""
 
     @cached_property
     def lattices(self) -> list[list[DroneNodes]]:
@@ -282,12 +296,13 @@ class LatticePlanner:
         rng: np.random.Generator | None = None,
         observed: Trajectories | None = None,  # noqa: ARG002 - nothing is learned from examples
     ) -> LatticePolicy:
-        """pi(omega, theta) on the lattice that ``rng`` draws; without it, on the one that judges.
+        """pi(omega, theta) on the lattice that ``rng`` draws, if it does; else on the one that judges.
 
         A ``previous`` policy is used up: its memory is taken over.
         """
         rewards = ((self.reward_model, theta), (self.game.cost_features, omega))
-        nodes = self.lattices[0 if rng is None else 1 + int(rng.integers(self.rotations))]
+        number = 1 + int(rng.integers(self.rotations)) if self.draws and rng is not None else 0
+        nodes = self.lattices[number]
         drones = [LoneDrone.of(of, rewards, self.temperature) for of in nodes]
         memory = previous.release() if isinstance(previous, LatticePolicy) else np.empty(0, np.uint16)
         if len(drones) == 1:

@@ -50,9 +50,11 @@ class WholeDroneGame(DroneGame):
         return TrueDroneReward(self)
 
     def evaluation_planner(self, planner: Any, reward: DroneRewardModel) -> Planner:
-        """On a lattice for one or two single integrators; otherwise the planner that learned, anew."""
+        """On a lattice that no learner draws, where there may be one; else the planner that learned, anew."""
         if isinstance(planner, SoftActorCriticSettings) and suits_lattice(self):
-            return build_lattice(LatticeSettings(kind="lattice", temperature=planner.temperature), self, reward)
+            planner = LatticeSettings(kind="lattice", temperature=planner.temperature)
+        if isinstance(planner, LatticeSettings):
+            return build_lattice(planner, self, reward, draws=False)
         learned: Planner = build("mabirds.planners", planner, self, reward)
         return learned
 
@@ -80,7 +82,9 @@ class WholeDroneGame(DroneGame):
         return demonstrations_figure(self, demonstrations)
 
 
-def build_lattice(settings: LatticeSettings, game: DroneGame, reward: DroneRewardModel) -> Planner:
+def build_lattice(
+    settings: LatticeSettings, game: DroneGame, reward: DroneRewardModel, *, draws: bool = True
+) -> Planner:
     """Build the planner of the settings.
 
     Parameters
@@ -91,6 +95,8 @@ def build_lattice(settings: LatticeSettings, game: DroneGame, reward: DroneRewar
         Of drones.
     reward : DroneRewardModel
         r_theta.
+    draws : bool, optional
+        Does it draw a lattice for every plan, as learners do?
 
     Returns
     -------
@@ -101,5 +107,5 @@ def build_lattice(settings: LatticeSettings, game: DroneGame, reward: DroneRewar
     from mabirds_core.games.drones.lattice import LatticePlanner  # scipy is for drones: patrols do without
 
     return LatticePlanner(
-        game, reward, spacing_of(settings, game), settings.temperature, settings.shape, settings.rotations
+        game, reward, spacing_of(settings, game), settings.temperature, settings.shape, settings.rotations, draws
     )
