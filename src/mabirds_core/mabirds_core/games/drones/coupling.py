@@ -245,8 +245,8 @@ class CompiledBackup:
         """
         stride, size = padded(codes.shape[1]), ctypes.c_int64
         top = float(
-            _compiled().mabirds_couple(
-                *(ctypes.byref(_Mover.of(kernel)) for kernel in (rows, columns)),
+            compiled().mabirds_couple(
+                *(ctypes.byref(Mover.of(kernel)) for kernel in (rows, columns)),
                 *(pointer(self._ahead, np.float32), size(self._stride)),
                 *(pointer(rewards, np.float32), size(rewards.shape[1])),
                 ctypes.c_float(self._top - LIFT),
@@ -255,7 +255,7 @@ class CompiledBackup:
         )
         if np.isnan(top):
             raise MemoryError("no memory for a strip of the lattice; take a larger algorithm.policy.spacing")
-        _compiled().mabirds_encode(
+        compiled().mabirds_encode(
             *(pointer(self._values, np.float32), *map(size, (*codes.shape, stride))),
             *(ctypes.c_float(number) for number in (top, LEVELS / DEPTH, self._discount, LIFT)),
             pointer(codes, np.uint16),
@@ -265,7 +265,7 @@ class CompiledBackup:
         return top
 
 
-class _Mover(ctypes.Structure):
+class Mover(ctypes.Structure):
     """A ``Kernel`` as C has it."""
 
     _fields_: ClassVar = [
@@ -276,12 +276,13 @@ class _Mover(ctypes.Structure):
     ]
 
     @classmethod
-    def of(cls, kernel: Kernel) -> "_Mover":
+    def of(cls, kernel: Kernel) -> "Mover":
+        """It holds no reference to the kernel, which must outlive it."""
         return cls(*kernel.nodes.shape, pointer(kernel.nodes, np.int32), pointer(kernel.chances, np.float32))
 
 
 @cache
-def _compiled() -> ctypes.CDLL:
+def compiled() -> ctypes.CDLL:
     """The kernels, where there are some."""
     kernels = library()
     if kernels is None:
