@@ -25,58 +25,15 @@ from typing import NamedTuple
 import numpy as np
 
 from mabirds_core.arrays import Array, Indices, Vector
-from mabirds_core.games.drones.coupling import Codes, Kernel, PairProblem, Table, couple, padded
+from mabirds_core.games.drones.coupling import Codes, PairProblem, Table, couple, padded
 from mabirds_core.games.drones.drone_nodes import DroneNodes, Rewards, pair_rewards
 from mabirds_core.games.drones.features import total_reward
 from mabirds_core.games.drones.game import DroneGame
+from mabirds_core.games.drones.lone_drone import LoneDrone, log_shares, log_sum_exp
 from mabirds_core.games.drones.nodes import NodeLattice, Shape
 from mabirds_core.games.drones.rewards import DroneRewardModel
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.planners.interface import Policy
-
-
-@dataclass(frozen=True)
-class LoneDrone:
-    """V^i of a drone without the other one, in units of tau."""
-
-    nodes: DroneNodes
-    scores: Array
-    """log mu(a) + r_i(s, a) at every node, shape (S, A); -inf where there is no such move."""
-    values: Array
-    """Shape (T + 2, S)."""
-
-    @classmethod
-    def of(cls, nodes: DroneNodes, rewards: Rewards, temperature: float) -> "LoneDrone":
-        """Soft value iteration.
-
-        Parameters
-        ----------
-        nodes : DroneNodes
-            Where the drone flies.
-        rewards : Rewards
-            What r is the sum of.
-        temperature : float
-            tau.
-
-        Returns
-        -------
-        LoneDrone
-            With its values.
-        """
-        moves, game = nodes.moves, nodes.game
-        scores = _log(moves.shares) + nodes.rewards(rewards, nodes.places, moves.nodes) / temperature
-        values = np.zeros((game.horizon + 2, nodes.size))
-        for step in range(game.horizon, -1, -1):
-            values[step] = _log_sum_exp(scores + game.discount * values[step + 1][moves.nodes])
-        return cls(nodes, scores, values)
-
-    def kernel(self, step: int) -> Kernel:
-        """P^i_t between the nodes that can have been reached."""
-        count = self.nodes.reached[step - 1]
-        moves = np.maximum(self.nodes.moves.nodes[:count], 0)
-        backup = self.nodes.game.discount * self.values[step + 1][moves]
-        chances = np.exp(self.scores[:count] + backup - self.values[step][:count, None])
-        return Kernel(moves.astype(np.int32), chances.astype(np.float32))
 
 
 class Choices(NamedTuple):
@@ -99,7 +56,7 @@ class Choices(NamedTuple):
     @property
     def totals(self) -> Vector:
         """log of the sum of exp of the scores, shape (M,)."""
-        return _log_sum_exp(self.scores.reshape(len(self.scores), -1))
+        return log_sum_exp(self.scores.reshape(len(self.scores), -1))
 
     def log_ratios(self, nodes: list[Indices]) -> Vector:
         """log pi_t/mu of joint moves.
@@ -177,7 +134,7 @@ class LatticePolicy:
         """
         places = self.game.positions(states)
         moves = [drone.nodes.moves_from(places[:, i]) for i, drone in enumerate(self.drones)]
-        nodes, shares = [of.nodes for of in moves], [_log(of.shares) for of in moves]
+        nodes, shares = [of.nodes for of in moves], [log_shares(of.shares) for of in moves]
         scores = [shares[i] + self._lone_worth(i, step, places[:, i], nodes[i]) for i in range(self.game.n_experts)]
         if len(moves) == 1:
             return Choices(nodes, shares[0][:, :, None], scores[0][:, :, None])
@@ -330,14 +287,3 @@ class LatticePlanner:
 
     def load_state_dict(self, memory: Mapping[str, Array]) -> None:
         """No policy: the planner needs none to start from."""
-
-
-def _log(shares: Array) -> Array:
-    with np.errstate(divide="ignore"):
-        return np.log(shares)
-
-
-def _log_sum_exp(scores: Array) -> Vector:
-    """Over the last axis, of which one entry at least is finite."""
-    most = scores.max(axis=-1, keepdims=True)
-    return np.asarray(most[..., 0] + np.log(np.exp(scores - most).sum(axis=-1)))
