@@ -283,7 +283,18 @@ class Mover(ctypes.Structure):
 
 @cache
 def compiled() -> ctypes.CDLL:
-    """The kernels, where there are some."""
+    """The kernels.
+
+    Returns
+    -------
+    ctypes.CDLL
+        With the types of what they return.
+
+    Raises
+    ------
+    RuntimeError
+        They are not compiled.
+    """
     kernels = library()
     if kernels is None:
         raise RuntimeError("no compiled kernels; use NumpyBackup")
