@@ -8,7 +8,11 @@ from mabirds_core.settings import Settings
 
 
 class LatticeSettings(Settings):
-    """Exact for flights from node to node of a lattice, by one or two drones that are single integrators."""
+    """Exact for flights from node to node of a lattice, by one or two drones that are single integrators.
+
+    The longest move should be what a drone flies in a step, or it is slower than it might be: with a hexagonal lattice,
+    spacings of that way divided by 1, sqrt(3), 2 or sqrt(7); with a square one, by 1, sqrt(2), 2 or sqrt(5).
+    """
 
     kind: Literal["lattice"]
     spacing: float | None = Field(
