@@ -9,11 +9,12 @@ import numpy as np
 from mabirds_core.algorithm.memory import stacked
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Mask, Vector
+from mabirds_core.errors import InfeasibleError
 from mabirds_core.experiment.assembly import build_game, evaluation_policy, reward_of
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History, Streams
 from mabirds_core.games.interface import Trajectories
-from mabirds_core.games.whole_game import Game
+from mabirds_core.games.whole_game import Experts, Game
 from mabirds_core.metrics.constraints import ConstraintErrors, by_threshold, constraint_errors, ranking_auc
 from mabirds_core.metrics.curves import first_at, late_mean, late_minimum, stays_from
 from mabirds_core.metrics.metrics import consensus_distance
@@ -103,9 +104,7 @@ def evaluate(
     drawn = experiment.demonstrations
     experts = game.experts(drawn.experts, drawn.side) if game.expert_kinds else None
     demonstrated = None if experts is None else experts.policy
-    held_out = None
-    if experts is not None:
-        held_out = stacked([*experts.demonstrations(HELD_OUT, _held_out_rng(experiment))])
+    held_out = None if experts is None else _held_out(experiment, experts)
     rows = []
     for name, parameters in history.items():
         policy = evaluation_policy(experiment, name, game)
@@ -130,6 +129,14 @@ def evaluate(
             for name, policy in policies.items()
         },
     )
+
+
+def _held_out(experiment: Experiment, experts: Experts) -> Trajectories | None:
+    """Demonstrations that nobody learned from; None where experts find none: the bag may be somebody else's."""
+    try:
+        return stacked([*experts.demonstrations(HELD_OUT, _held_out_rng(experiment))])
+    except InfeasibleError:
+        return None
 
 
 def _held_out_rng(experiment: Experiment) -> np.random.Generator:
