@@ -81,11 +81,11 @@ class Factors:
         return int(self.n_cells**self.n_experts)
 
     def cells(self, states: Indices) -> Indices:
-        """Each expert's cells in joint ``states``: (N_E, *states.shape)."""
+        """Each expert's cells in joint states, shape (N_E, *states.shape)."""
         return digits(states, self.n_cells, self.n_experts)
 
     def moves(self, actions: Indices) -> Indices:
-        """Each expert's moves in joint ``actions``: (N_E, *actions.shape)."""
+        """Each expert's moves in joint actions, shape (N_E, *actions.shape)."""
         return digits(actions, self.n_moves, self.n_experts)
 
     @cached_property
