@@ -12,6 +12,7 @@ from mabirds_core.algorithm.memory import stacked
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Mask, Vector
 from mabirds_core.errors import ExperimentError
+from mabirds_core.experiment.assembly import independent_policies
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import Streams
 from mabirds_core.games.tabular.decidable import touch_without
@@ -20,6 +21,9 @@ from mabirds_core.metrics.curves import late_minimum
 
 DECIDABLE_AT = 0.99
 """A constraint is decidable where experts without it would have been seen to touch it with this probability."""
+
+JUDGED = ("success", "violation", "value", "certificate")
+"""What planners that took no part say."""
 
 EARLY = 20
 """Iterations after which no policy should fail any more."""
@@ -104,6 +108,33 @@ class Comparison:
             **self._constraints(name, parameters),
         }
         return {measure: float(value) for measure, value in found.items() if value is not None}
+
+    def judged(self, name: str, parameters: Parameters, rollouts: int | None) -> dict[str, dict[str, float]]:
+        """By planners that took no part: rates, values and certificates, each by the planner's name.
+
+        Parameters
+        ----------
+        name : str
+            Of the learner or method.
+        parameters : Parameters
+            theta and omega in the end.
+        rollouts : int or None
+            Which judge a policy.
+
+        Returns
+        -------
+        dict[str, dict[str, float]]
+            ``judged_success``, ``judged_violation``, ``judged_value`` and ``judged_certificate`` [nats].
+        """
+        rows: dict[str, dict[str, float]] = {f"judged_{measure}": {} for measure in JUDGED}
+        judge, seed = self.game.judge, self.experiment.seed
+        for planner, policy_of in independent_policies(self.experiment, name, self.game).items():
+            policy = policy_of(parameters)
+            violation, success = judge.imitation(policy, seed, rollouts)
+            values = (success, violation, judge.value(policy, seed), judge.certificate(policy, seed))
+            for measure, value in zip(JUDGED, values, strict=True):
+                rows[f"judged_{measure}"][planner] = float("nan") if value is None else value
+        return rows
 
     def _constraints(self, name: str, parameters: Parameters) -> dict[str, float | None]:
         """By the game's test; nothing where it has none."""

@@ -81,10 +81,22 @@ def run_case(case: Case, seed: int) -> list[CaseResult]:
     compared = Comparison.of(learned.experiment, learned.game, learned.streams, optimum=case.optimum)
     results = []
     for name, (rates, policy) in judged.items():
-        measured = compared.measures(name, learned.history[name][-1], policy, rates)
-        rows = [*_rows(learned, name, rates), *agreement, *entries(len(rates) - 1, **measured)]
+        last = learned.history[name][-1]
+        measured = compared.measures(name, last, policy, rates)
+        judged_by_others = compared.judged(name, last, case.rollouts)
+        at_end = entries(len(rates) - 1, **measured, **judged_by_others, **_worst(judged_by_others))
+        rows = [*_rows(learned, name, rates), *agreement, *at_end]
         results.append(CaseResult(case.group, case.label, name, seed, rows))
     return results
+
+
+def _worst(judged: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
+    """What the strictest of the other planners says, and by how much their values differ."""
+    success, violation, values = (judged[f"judged_{measure}"].values() for measure in ("success", "violation", "value"))
+    if not success:
+        return {}
+    spread = max(values) - min(values)
+    return {"least_judged": min(success), "most_judged_violation": max(violation), "judged_spread": spread}
 
 
 def drawn_streams(experiment: Experiment, game: Game) -> dict[str, list[Trajectories]]:

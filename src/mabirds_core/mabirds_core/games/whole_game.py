@@ -125,6 +125,23 @@ class Judge(Protocol):
         """
         ...
 
+    def value(self, policy: Any, seed: int) -> float | None:
+        """V_0 / tau, the mean over starts.
+
+        Parameters
+        ----------
+        policy : Any
+            Of the game.
+        seed : int
+            Of the starts, where some are drawn.
+
+        Returns
+        -------
+        float or None
+            In nats; None where the game's policies know none.
+        """
+        ...
+
     def certificate(self, policy: Any, seed: int) -> float | None:
         """By how much the value that a planner gave its policy differs from what the policy's trajectories earn.
 
@@ -256,6 +273,23 @@ class Game(ConstrainedMarkovGame, Protocol):
         -------
         Any
             A ``planners.interface.Planner``.
+        """
+        ...
+
+    def independent_planners(self, planner: Any, reward: Any) -> Mapping[str, Any]:
+        """Build planners that take no part in learning, to judge what was learned in the end.
+
+        Parameters
+        ----------
+        planner : Any
+            Settings of the planner that learned.
+        reward : Any
+            r_theta.
+
+        Returns
+        -------
+        Mapping[str, Any]
+            By a name for people; none where the planner that learned is exact in the game itself.
         """
         ...
 

@@ -221,3 +221,15 @@ def test_the_digest_is_of_the_game_too() -> None:
     }
     assert len(digests) == 4
     assert drone_experiment({"demonstrations.side": "random"}).digest in digests
+
+
+def test_planners_that_take_no_part_let_drones_fly_as_fast_as_they_can(game: Any) -> None:
+    """Their longest move is a step's way, and no learner draws their lattices."""
+    planners = game.independent_planners(LatticeSettings(kind="lattice", temperature=2.0), game.linear_reward())
+    assert len(planners) == 3
+    own = game.evaluation_planner(LatticeSettings(kind="lattice"), game.linear_reward())
+    for planner in planners.values():
+        assert (planner.temperature, planner.draws) == (2.0, False)
+        assert planner.spacing < own.spacing
+        cells = game.dynamics.reach / planner.spacing
+        assert round(cells**2, 9) in {4, 5, 7}

@@ -71,6 +71,12 @@ class RolloutJudge:
 
         return log_ratios(policy, demonstrations)
 
+    def value(self, policy: Any, seed: int) -> float | None:
+        """V_0 / tau of lattices, over as many starts as rollouts judge."""
+        if not hasattr(policy, "values"):
+            return None
+        return float(policy.values(0, self.game.starts(EVAL_ROLLOUTS, np.random.default_rng(seed))).mean())
+
     def certificate(self, policy: Any, seed: int) -> float | None:
         """Over a few flights; networks have none."""
         if not hasattr(policy, "residuals"):

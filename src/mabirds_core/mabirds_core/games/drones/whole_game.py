@@ -1,5 +1,6 @@
 """The drone game with all that experiments ask of a game."""
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -8,6 +9,7 @@ from mabirds_core.extras import require
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.judge import RolloutJudge
 from mabirds_core.games.drones.learned_costs import measures
+from mabirds_core.games.drones.nodes import Shape
 from mabirds_core.games.drones.planner_checks import spacing_of, suits_lattice
 from mabirds_core.games.drones.planner_settings import LatticeSettings, SoftActorCriticSettings
 from mabirds_core.games.drones.rewards import DroneRewardModel, LinearDroneReward, NeuralDroneReward, TrueDroneReward
@@ -19,6 +21,10 @@ from mabirds_core.registry import build
 
 DRONES, SAC = "mabirds_core[drones]", "mabirds_core[sac]"
 """What brings scipy, and what brings torch besides."""
+
+
+INDEPENDENT: tuple[tuple[Shape, int], ...] = (("hexagonal", 4), ("square", 5), ("hexagonal", 7))
+"""Shapes, and the squared length of a step's way in spacings, of lattices that judge what was learned on others."""
 
 
 class WholeDroneGame(DroneGame):
@@ -57,6 +63,19 @@ class WholeDroneGame(DroneGame):
             return build_lattice(planner, self, reward, draws=False)
         learned: Planner = build("mabirds.planners", planner, self, reward)
         return learned
+
+    def independent_planners(self, planner: Any, reward: DroneRewardModel) -> Mapping[str, Planner]:
+        """Lattices of other shapes and spacings, on which drones fly as fast as they can; none is drawn in learning."""
+        if not suits_lattice(self):
+            return {}
+        planners = {}
+        for shape, division in INDEPENDENT:
+            spacing = self.dynamics.reach / math.sqrt(division)
+            settings = LatticeSettings(
+                kind="lattice", shape=shape, spacing=spacing, rotations=1, temperature=planner.temperature
+            )
+            planners[f"{shape} {spacing:.3f} m"] = build_lattice(settings, self, reward, draws=False)
+        return planners
 
     def experts(self, kind: str, side: str) -> Experts:  # noqa: ARG002 - there is no other
         """Pilots, who pass obstacles on ``side``."""

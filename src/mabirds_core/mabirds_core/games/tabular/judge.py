@@ -37,6 +37,9 @@ class ExactJudge:
         """log p of each demonstration while it is under way."""
         return log_likelihoods(self.game, policy, demonstrations)
 
+    def value(self, policy: TabularPolicy, seed: int) -> None:
+        """Not asked for: there is one planner."""
+
     def certificate(self, policy: TabularPolicy, seed: int) -> None:
         """None: rates are found from the policy itself, whoever planned it."""
 
