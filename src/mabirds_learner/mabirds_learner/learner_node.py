@@ -4,21 +4,24 @@ Started in the namespace of its name (/learner_1). It subscribes to its own demo
 in-neighbours tell (strict_exchange, push_sum_exchange), and to nothing else.
 """
 
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from mabirds_msgs.msg import Constraints, Demonstration
 from mabirds_msgs.srv import FetchParameters
+from rclpy.executors import ExternalShutdownException
 
 from mabirds_core.consensus.push_sum_mixer import ResilientMixing
-from mabirds_core.errors import RefusedMessageError
+from mabirds_core.errors import CheckpointError, RefusedMessageError
 from mabirds_core.experiment.assembly import build_learner
 from mabirds_learner.checkpoint import CheckpointMetadata, CheckpointStore
 from mabirds_learner.exchange import Exchange, Identity
 from mabirds_learner.learner_session import LearnerSession
 from mabirds_learner.member import Limits
 from mabirds_learner.outlet import NodeOutlet
+from mabirds_learner.parameters_log import SUFFIX, ParametersLog
 from mabirds_learner.progress_node import ProgressNode
 from mabirds_learner.push_sum_exchange import PushSumExchange
 from mabirds_learner.push_sum_member import PushSumMember
@@ -33,8 +36,14 @@ from mabirds_msgs_py.presence import LivelinessMonitor
 from mabirds_msgs_py.qos import LIVELINESS_LEASE, STATUS_QOS, latched
 from mabirds_msgs_py.ros_parameters import bool_param, int_param, str_param
 
+UNSAVED = "unsaved_checkpoint"
+"""Counted at each attempt to save that fails."""
+
 DUPLICATE_NAME = "duplicate_name"
 """Counted at each look at which several processes are seen to publish as one neighbour."""
+
+SAVE_AGAIN = 1.0
+"""Seconds after which a checkpoint that could not be written is tried again."""
 
 NAMED = 3
 """Constraints that the last status names."""
@@ -62,6 +71,7 @@ class LearnerNode(ProgressNode):
         self.parameter_history = self.get_param("parameter_history") or default_history(self.schedule)
         self.presence = LivelinessMonitor(self._on_presence)
         self.session, self._exchange = self._session_and_exchange()
+        self._log: ParametersLog | None = None
         self._checkpoints = self._open_checkpoints()
         self._constraints_publisher = self.create_publisher(Constraints, topics.CONSTRAINTS, STATUS_QOS)
         self.start(self.session.learner.game, self.parameter_history)
@@ -107,18 +117,43 @@ class LearnerNode(ProgressNode):
             self.set_event("; ".join([f"resumed at iteration {self.session.iteration}", *store.refused]))
         else:
             store.save(self.session.iteration, self.session.arrays())  # a neighbour may ask for the first one, too
+        self._log = self._open_log(store.directory)
         return store
+
+    def _open_log(self, directory: Path) -> ParametersLog:
+        """All of this learner's past, for those who missed more than is kept in memory."""
+        log = ParametersLog(directory / f"{topics.PARAMETERS}{SUFFIX}", self.session.parameters, self.experiment_digest)
+        for iteration, parameters in self.session.kept.items():
+            log[iteration] = parameters
+        return log
 
     def destroy_node(self) -> None:
         """Let go of the checkpoints with the node."""
         if self._checkpoints:
             self._checkpoints.close()
+        if self._log:
+            self._log.close()
         super().destroy_node()
 
     def save(self) -> None:
-        """Write a checkpoint: before anybody hears of it, so that a restart cannot take back what was said."""
-        if self._checkpoints:
-            self._checkpoints.save(self.session.iteration, self.session.arrays())
+        """Write a checkpoint: before anybody hears of it, so that a restart cannot take back what was said.
+
+        Where it cannot be written, as on a full disk, this learner waits until it can.
+        """
+        while self._checkpoints and self._log and not self._is_saved(self._checkpoints, self._log):
+            time.sleep(SAVE_AGAIN)
+            if not self.context.ok():
+                raise ExternalShutdownException
+
+    def _is_saved(self, checkpoints: CheckpointStore, log: ParametersLog) -> bool:
+        try:
+            checkpoints.save(self.session.iteration, self.session.arrays())
+            log[self.session.iteration] = self.session.parameters
+        except CheckpointError as error:
+            self.count_drop(UNSAVED, f"waits to save iteration {self.session.iteration}: {error}")
+            self.publish_status()
+            return False
+        return True
 
     def publish_history(self) -> None:
         """Also what an earlier life of this learner may have taken along unsent."""
@@ -170,7 +205,7 @@ class LearnerNode(ProgressNode):
     def _on_fetch(
         self, request: FetchParameters.Request, response: FetchParameters.Response
     ) -> FetchParameters.Response:
-        parameters = self.session.kept.get(request.iteration)
+        parameters = self.session.kept.get(request.iteration) or (self._log or {}).get(request.iteration)
         response.found = parameters is not None
         if parameters is None:
             kept = list(self.session.kept)

@@ -29,7 +29,7 @@ class MessageValidator:
     def __init__(self, experiment: Experiment, run: str, names: Sequence[str]) -> None:
         self._experiment, self.digest = experiment, experiment.run_digest(run)
         self._schedule = experiment.edge_schedule
-        self._initial = {name: _initial_parameters(experiment, name) for name in names}
+        self.initial = {name: initial_parameters(experiment, name) for name in names}
         closing = experiment.closing_rounds if set(names) <= set(experiment.learners) else 0
         self.last = experiment.iterations + closing + 1  # the iteration after which nothing is left to do
 
@@ -39,7 +39,7 @@ class MessageValidator:
 
     def parameters(self, name: str, message: ParametersMessage, received: Mapping[int, Parameters]) -> Parameters:
         """theta(n), omega(n) of ``name``; ``known``: those that it has sent before, by iteration."""
-        parameters = read_parameters(message, name, self.digest, self._schedule.digest, self._initial[name])
+        parameters = read_parameters(message, name, self.digest, self._schedule.digest, self.initial[name])
         check_iteration(message.iteration, 1, received, self.last, parameters)
         return parameters
 
@@ -83,7 +83,7 @@ class MessageValidator:
             )
 
 
-def _initial_parameters(experiment: Experiment, name: str) -> Parameters:
+def initial_parameters(experiment: Experiment, name: str) -> Parameters:
     """What the learner or central method ``name`` begins with."""
     if name in experiment.learners:
         return build_learner(experiment, name).initial_state().parameters

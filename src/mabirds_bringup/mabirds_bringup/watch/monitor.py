@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Collection, Sequence
 from functools import partial
-from itertools import count, takewhile
+from pathlib import Path
 from typing import Any
 
 from mabirds_msgs.msg import Constraints, EdgeSchedule, LearnerStatus, Membership
@@ -13,7 +13,7 @@ from rclpy.client import Client
 from rclpy.node import Node
 
 from mabirds_bringup.watch.admission import EXPECTED, MessageValidator
-from mabirds_core.algorithm.parameters import Parameters
+from mabirds_bringup.watch.watched_history import Coverage, WatchedHistory
 from mabirds_core.consensus.schedule import DeliveredEdges
 from mabirds_core.errors import RefusedMessageError
 from mabirds_core.experiment.file import Experiment
@@ -37,8 +37,9 @@ GAP_PERIOD, GAPS_AT_ONCE = 0.5, 32
 class MonitorNode(Node):
     """Collects theta(n), omega(n) and the newest status of every learner of an experiment, and records all to a bag.
 
-    ``names``: who learns, where it is not the experiment's learners. ``parameters[name][n]``, ``statuses[name]``;
-    ``presence``: whose process is gone. ``lost``: by name, iterations that were missed and that nobody keeps any more.
+    ``names``: who learns, where it is not the experiment's learners. ``directory``: of the files of ``kept``, which a
+    run that goes on begins with; None: of no use afterwards. ``parameters[name][n]``, ``statuses[name]``; ``presence``:
+    whose process is gone. ``lost``: by name, iterations that were missed and that nobody keeps any more.
     Messages of other runs, and what no learner of the experiment can say, are neither shown nor recorded; ``drops``
     counts them by reason, and ``refusals`` says why, of the newest for each reason.
     """
@@ -49,6 +50,7 @@ class MonitorNode(Node):
         recording: BagWriter,
         run: str = "",
         names: Sequence[str] | None = None,
+        directory: Path | None = None,
         **node_options: Any,
     ) -> None:
         super().__init__("monitor", **node_options)
@@ -57,9 +59,9 @@ class MonitorNode(Node):
         self._admission = MessageValidator(experiment, run, self.names)
         self.drops: Counter[str] = Counter()
         self.refusals: dict[str, str] = {}
-        self.parameters: dict[str, dict[int, Parameters]] = {name: {} for name in self.names}
+        self.kept = WatchedHistory(directory, self._admission.initial, experiment.learners, self._admission.digest)
+        self.parameters = self.kept.parameters
         self.statuses: dict[str, LearnerStatus] = {}
-        self._mixed: dict[str, dict[int, list[str]]] = {name: {} for name in self.names}
         self.presence = LivelinessMonitor()
         self.lost: dict[str, set[int]] = {name: set() for name in self.names}
         self._fetch: dict[str, Client] = {}
@@ -69,6 +71,11 @@ class MonitorNode(Node):
         for name in self.names:
             self._watch(name)
         self.create_timer(GAP_PERIOD, self._ask_for_gaps)
+
+    def destroy_node(self) -> None:
+        """Close the history with the node."""
+        self.kept.close()
+        super().destroy_node()
 
     def _watch(self, name: str) -> None:
         for message_type, topic, qos, receive, events in (
@@ -106,7 +113,7 @@ class MonitorNode(Node):
     def _missing(self, name: str) -> list[int]:
         """Iterations before the newest that were not heard of and may still be had."""
         received = self.parameters[name]
-        return [n for n in range(1, max(received, default=0)) if n not in received and n not in self.lost[name]]
+        return [n for n in received.gaps(received.newest) if n not in self.lost[name]]
 
     def _ask_for_gaps(self) -> None:
         """Ask learners for what they published before this node found them, or just before they died."""
@@ -141,7 +148,7 @@ class MonitorNode(Node):
             return
         self.statuses[name] = message
         if message.iteration > 1:
-            self._mixed[name][message.iteration - 1] = list(message.mixed_from)
+            self.kept.note_mixed(name, message.iteration - 1, message.mixed_from)
         self._record(name, topics.STATUS, message, nanoseconds(message.stamp))
 
     def _on_constraints(self, name: str, message: Constraints) -> None:
@@ -188,12 +195,12 @@ class MonitorNode(Node):
 
     def consensus(self) -> tuple[int, float, float] | None:
         """(n, distance in theta, distance in omega) at the newest iteration known of all learners."""
-        common = set.intersection(*(set(by_iteration) for by_iteration in self.parameters.values()))
+        common = self.kept.newest_common()
         if not common:
             return None
-        newest = [by_iteration[max(common)] for by_iteration in self.parameters.values()]
+        newest = [by_iteration[common] for by_iteration in self.parameters.values()]
         return (
-            max(common),
+            common,
             consensus_distance([parameters.theta for parameters in newest]),
             consensus_distance([parameters.omega for parameters in newest]),
         )
@@ -212,12 +219,12 @@ class MonitorNode(Node):
 
     def delivered(self) -> DeliveredEdges:
         """Whose parameters each learner says it mixed, at the iterations of which all learners' statuses were heard."""
-        heard = set.intersection(*(set(by_iteration) for by_iteration in self._mixed.values()))
-        return {n: [self._mixed[name][n] for name in self.names] for n in sorted(heard)}
+        return self.kept.delivered()
 
     def history(self) -> History:
         """theta(n), omega(n) from n = 1 up to the newest without a gap."""
-        return {
-            name: [by_iteration[n] for n in takewhile(by_iteration.__contains__, count(1))]
-            for name, by_iteration in self.parameters.items()
-        }
+        return self.kept.without_gap()
+
+    def coverage(self) -> Coverage:
+        """What is known of all iterations of those who take part."""
+        return self.kept.coverage(self._admission.last, self._taking_part())
