@@ -12,6 +12,7 @@ from mabirds_bringup.commands.inspect import inspect
 from mabirds_bringup.commands.kinds import kinds
 from mabirds_bringup.commands.members import members
 from mabirds_bringup.commands.record import record
+from mabirds_bringup.commands.report import check, report
 from mabirds_bringup.commands.run import run
 from mabirds_bringup.commands.schedule import schedule_app
 from mabirds_bringup.commands.security import security_app
@@ -24,9 +25,10 @@ from mabirds_msgs_py.environment import prepare_environment
 app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Learn what several agents want and what they may not do, from demonstrations that learners never pool.\n\n"
-    "Exit codes: 0 finished, 2 bad input, 3 a process died, 4 no learner found, 130 interrupted.",
+    "Exit codes: 0 finished, 2 bad input, 3 a process died, 4 no learner found, 5 incomplete,"
+    " 130 interrupted.",
 )
-for verb in (run, simulate, record, inspect, members, kinds):
+for verb in (run, simulate, report, check, record, inspect, members, kinds):
     app.command()(verb)
 app.add_typer(bag_app, name="bag")
 app.add_typer(bench_app, name="bench")

@@ -24,7 +24,7 @@ from mabirds_core.texts import truncate
 from mabirds_expert_player.diagnostics import playing_diagnostic
 from mabirds_expert_player.stream import AckFilter, Stream
 from mabirds_msgs_py import diagnostics, topics
-from mabirds_msgs_py.bag_reader import DemonstrationBag
+from mabirds_msgs_py.bag_digest import open_bag
 from mabirds_msgs_py.conversion import NANOSECONDS, time_message
 from mabirds_msgs_py.environment import prepare_environment
 from mabirds_msgs_py.node_main import run_node
@@ -70,7 +70,8 @@ class ExpertPlayerNode(Node):
         self._game = build_game(experiment)
         directory = Path(self._value("bag") or experiment.demonstrations.bag)
         self.get_logger().info(f"checking {directory}")
-        self._bag = DemonstrationBag(directory, self._game, experiment.learners, at_least=experiment.iterations)
+        needs = experiment.learners, experiment.iterations, self._value("bag_digest")
+        self._bag = open_bag(directory, self._game, *needs)
         max_in_flight = self._value("max_in_flight")
         self._streams = {name: Stream(experiment.iterations, max_in_flight) for name in experiment.learners}
         self._claims = {name: AckFilter(PATIENCE) for name in experiment.learners}
@@ -95,6 +96,7 @@ class ExpertPlayerNode(Node):
     def _declare_parameters(self) -> None:
         declare_experiment(self)
         self.declare_parameter("bag", "", str_param("bag to play; empty: the experiment's"))
+        self.declare_parameter("bag_digest", "", str_param("digest of what it must hold; empty: anything"))
         self.declare_parameter(
             "baseline", "", str_param("a central method that learns in the learners' place; empty: none")
         )
@@ -272,6 +274,7 @@ parameters:
   run             name of this run; learners of other runs get nothing ("")
   baseline        a central method that learns in the learners' place, such as bics ("")
   bag             bag to play; empty: the experiment's
+  bag_digest      digest of the demonstrations that it must hold, such as a manifest names; empty: any ("")
   rate            speed, as a multiple of the recorded timing (1.0); may change while it runs
   hz              demonstrations per second; 0: the recorded timing times rate (0.0); may change while it runs
   max_in_flight   demonstrations ahead of what a learner has learned (16)

@@ -104,8 +104,10 @@ class VectorLog(Mapping[int, Vector]):
         if iteration not in self:
             raise KeyError(iteration)
         content = os.pread(self._descriptor, self._record, self._place(iteration))
-        if not _is_whole(content, iteration):
-            raise CheckpointError(f"{self.file}: iteration {iteration} was damaged while the file was open")
+        if not _is_whole(content, iteration):  # damaged while the file was open: as good as never written
+            self._there[iteration] = False
+            self._count -= 1
+            raise KeyError(iteration)
         return np.frombuffer(content, dtype=np.float64)[1:-1].copy()
 
     def __contains__(self, iteration: object) -> bool:

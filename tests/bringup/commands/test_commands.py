@@ -114,7 +114,7 @@ def test_simulate_gives_the_same_summary_as_run(
 
 def test_manifest_names_versions_seeds_and_digests(simulation: tuple[Path, dict[str, Any]]) -> None:
     manifest = json.loads((simulation[0] / "manifest.json").read_text(encoding="utf-8"))
-    assert set(manifest["digests"]) == {"game", "experiment", "schedule"}
+    assert set(manifest["digests"]) == {"game", "experiment", "schedule", "bag"}
     assert manifest["seeds"] == {"learners": 3, "demonstrations": 0}
     assert all(manifest["versions"].values())
 

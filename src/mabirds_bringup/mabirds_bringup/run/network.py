@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain, count
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,6 +18,7 @@ from rclpy.signals import SignalHandlerOptions
 from mabirds_bringup.run import processes
 from mabirds_bringup.run.supervisor import Supervisor
 from mabirds_bringup.watch.monitor import MonitorNode
+from mabirds_bringup.watch.watched_history import DIRECTORY
 from mabirds_core.consensus.schedule import DeliveredEdges
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.file import Experiment
@@ -44,12 +46,13 @@ def _nothing(monitor: MonitorNode, supervisor: Supervisor, news: Sequence[str]) 
 class NetworkResult(NamedTuple):
     """What the monitor received: theta and omega of all iterations, and who mixed whose.
 
-    ``mass_residual``: of resilient mode, see ``MonitorNode.mass_residual``.
+    ``mass_residual``: of resilient mode, see ``MonitorNode.mass_residual``. ``departed``: without whom it went on.
     """
 
     history: History
     delivered: DeliveredEdges
     mass_residual: float | None
+    departed: Sequence[str]
 
 
 @dataclass(frozen=True)
@@ -59,7 +62,7 @@ class Network:
     ``player``: parameters of the player, such as rate. ``order``: names in the order in which to start them; the
     network must not depend on it. ``method``: a central method that learns in the learners' place. ``restarts``: how
     often a node that died is started again. ``only``: the nodes that belong on this host, where others run the rest
-    of the experiment under the same ``run`` name.
+    of the experiment under the same ``run`` name. ``bag_digest``: of the demonstrations that must be played; "": any.
     """
 
     experiment: Experiment
@@ -71,6 +74,7 @@ class Network:
     restarts: int = 0
     only: Sequence[str] = ()
     shared_run: str = ""
+    bag_digest: str = ""
 
     def __post_init__(self) -> None:
         """Raise ExperimentError for a node that the experiment does not have."""
@@ -94,8 +98,8 @@ class Network:
         before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # end as on Ctrl-C: nothing left behind
         supervisor = Supervisor(self._commands(), self.directory / "logs", self.restarts, self._optional)
         try:
-            with BagWriter(self.directory / "bag", keep=True) as recording, _spinning() as executor:
-                monitor = MonitorNode(self.experiment, recording, self._run, self.names)
+            with BagWriter(self._place_of_recording(), keep=True) as recording, _spinning() as executor:
+                monitor = MonitorNode(self.experiment, recording, self._run, self.names, self.directory / DIRECTORY)
                 executor.add_node(monitor)
 
                 def is_done(name: str, code: int) -> bool:
@@ -112,7 +116,9 @@ class Network:
                     _spin_for(SHUTDOWN_TIMEOUT, executor)  # other hosts are to hear the last of this one, too
                 if difference := self._difference(monitor):
                     raise ExperimentError(difference)
-                return NetworkResult(monitor.history(), monitor.delivered(), monitor.mass_residual())
+                monitor.kept.fill_from(self.directory / "checkpoints")
+                departed = [name for name in self.names if name not in monitor.taking_part()]
+                return NetworkResult(monitor.history(), monitor.delivered(), monitor.mass_residual(), departed)
         finally:
             supervisor.stop()
             signal.signal(signal.SIGTERM, before)
@@ -126,7 +132,12 @@ class Network:
     @cached_property
     def _run(self) -> str:
         """A name that no other run has, or that of all hosts of this one."""
-        return self.shared_run if self.only else f"{self.directory.name}-{secrets.token_hex(4)}"
+        return self.shared_run if self.shared_run or self.only else f"{self.directory.name}-{secrets.token_hex(4)}"
+
+    def _place_of_recording(self) -> Path:
+        """``bag``, or ``bag_2`` and so on where a run goes on."""
+        names = chain(["bag"], (f"bag_{n}" for n in count(2)))
+        return next(place for name in names if not (place := self.directory / name).exists())
 
     def _difference(self, monitor: MonitorNode) -> str | None:
         """How another host's experiment differs from this one; of other runs in this domain it may."""
@@ -138,7 +149,7 @@ class Network:
     def _commands(self) -> dict[str, list[str]]:
         """Command lines by name, in the order in which to start them."""
         commands = {name: self._learning_command(name) for name in self.names}
-        player = {**self.player, "run": self._run, "baseline": self.method or ""}
+        player = {**self.player, "run": self._run, "baseline": self.method or "", "bag_digest": self.bag_digest}
         commands[PLAYER] = processes.player_command(self.file, player)
         return {name: commands[name] for name in self.only or self.order or commands}
 

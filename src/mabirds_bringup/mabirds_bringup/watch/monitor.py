@@ -13,7 +13,7 @@ from rclpy.client import Client
 from rclpy.node import Node
 
 from mabirds_bringup.watch.admission import EXPECTED, MessageValidator
-from mabirds_bringup.watch.watched_history import Coverage, WatchedHistory
+from mabirds_bringup.watch.watched_history import WatchedHistory
 from mabirds_core.consensus.schedule import DeliveredEdges
 from mabirds_core.errors import RefusedMessageError
 from mabirds_core.experiment.file import Experiment
@@ -94,7 +94,7 @@ class MonitorNode(Node):
         if set(departed) <= self._declared:
             return
         self._declared.update(departed)
-        members = [name for name in self._taking_part() if name not in self._declared]
+        members = [name for name in self.taking_part() if name not in self._declared]
         message = membership_message(self._admission.digest, self._epoch() + 1, members)
         message.stamp = self.get_clock().now().to_msg()
         self._membership_publisher.publish(message)
@@ -102,7 +102,7 @@ class MonitorNode(Node):
     def _epoch(self) -> int:
         return max((status.epoch for status in self.statuses.values()), default=0)
 
-    def _taking_part(self) -> list[str]:
+    def taking_part(self) -> list[str]:
         """Who follows the newest declaration; all, where there was none."""
         epoch = self._epoch()
         return [name for name in self.names if epoch <= 1 or self._follows(name, epoch)]
@@ -181,14 +181,14 @@ class MonitorNode(Node):
         """Has every learner acknowledged its last demonstration?"""
         last = self._experiment.iterations
         return all(
-            name in self.statuses and self.statuses[name].last_demonstration >= last for name in self._taking_part()
+            name in self.statuses and self.statuses[name].last_demonstration >= last for name in self.taking_part()
         )
 
     @property
     def finished(self) -> bool:
         """Has every learner made all updates and closing rounds, and has the result of the last one arrived?"""
         last = self._admission.last
-        names = self._taking_part()
+        names = self.taking_part()
         return all(last in self.parameters[name] and not self._missing(name) for name in names) and all(
             name in self.statuses and self.statuses[name].state == LearnerStatus.FINISHED for name in names
         )
@@ -224,7 +224,3 @@ class MonitorNode(Node):
     def history(self) -> History:
         """theta(n), omega(n) from n = 1 up to the newest without a gap."""
         return self.kept.without_gap()
-
-    def coverage(self) -> Coverage:
-        """What is known of all iterations of those who take part."""
-        return self.kept.coverage(self._admission.last, self._taking_part())

@@ -10,7 +10,6 @@ import numpy as np
 
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.consensus.schedule import DeliveredEdges
-from mabirds_core.errors import MabirdsError
 from mabirds_core.experiment.simulate import History
 from mabirds_learner.parameters_log import SUFFIX, ParametersLog, VectorLog
 
@@ -67,8 +66,9 @@ class WatchedHistory:
 
     def close(self) -> None:
         """Close the files, and remove those that nobody asked for."""
-        for log in (*self.parameters.values(), *self._mixed.values()):
+        for name, log in self.parameters.items():
             log.close()
+            self._mixed[name].close()
         if self._temporary:
             self._temporary.cleanup()
 
@@ -100,6 +100,12 @@ class WatchedHistory:
         missing = {name: spans(numbers) for name, numbers in gaps.items() if numbers}
         return Coverage({name: log.newest for name, log in self.parameters.items()}, missing)
 
+    def take(self, history: History) -> None:
+        """Keep all of a history."""
+        for name, parameters in history.items():
+            for n, values in enumerate(parameters, start=1):
+                self.parameters[name][n] = values
+
     def fill_from(self, checkpoints: Path) -> None:
         """Take what was not heard from what learners of this host have written to their ``checkpoints``."""
         for name, log in self.parameters.items():
@@ -126,7 +132,3 @@ def spans(numbers: list[int]) -> list[str]:
     edges = [k for k in range(1, len(numbers)) if numbers[k] != numbers[k - 1] + 1]
     pieces = [numbers[a:b] for a, b in zip([0, *edges], [*edges, len(numbers)], strict=True)]
     return [f"{piece[0]}-{piece[-1]}" if len(piece) > 1 else str(piece[0]) for piece in pieces if piece]
-
-
-class IncompleteError(MabirdsError):
-    """Not all of a run is known."""
