@@ -14,7 +14,6 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from mabirds_msgs.msg import Demonstration, LearnerStatus
 from mabirds_msgs.srv import PlayNext, Resend
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 
@@ -27,6 +26,7 @@ from mabirds_msgs_py import diagnostics, topics
 from mabirds_msgs_py.bag_digest import open_bag
 from mabirds_msgs_py.conversion import NANOSECONDS, time_message
 from mabirds_msgs_py.environment import prepare_environment
+from mabirds_msgs_py.network_node import NetworkNode
 from mabirds_msgs_py.node_main import run_node
 from mabirds_msgs_py.qos import latched
 from mabirds_msgs_py.ros_parameters import declare_experiment, experiment_of, float_param, int_param, str_param
@@ -46,7 +46,7 @@ HISTORY = 256
 """Depth of the demonstration topics: what a late joiner still gets."""
 
 
-class ExpertPlayerNode(Node):
+class ExpertPlayerNode(NetworkNode):
     """Plays an experiment's bag. ``done`` turns true once every learner has learned everything.
 
     Parameters

@@ -8,7 +8,6 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from mabirds_msgs.msg import EdgeSchedule, LearnerStatus
 from mabirds_msgs.msg import Parameters as ParametersMessage
-from rclpy.node import Node
 
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.errors import ExperimentError, RefusedMessageError
@@ -18,6 +17,7 @@ from mabirds_learner.diagnostics import HARMLESS, learning_diagnostic
 from mabirds_learner.progress import Session
 from mabirds_msgs_py import diagnostics, topics
 from mabirds_msgs_py.conversion import parameters_message, schedule_message, time_message
+from mabirds_msgs_py.network_node import NetworkNode
 from mabirds_msgs_py.qos import STATUS_QOS, announced, latched
 from mabirds_msgs_py.ros_parameters import declare_experiment, experiment_of, float_param, int_param
 
@@ -25,7 +25,7 @@ STATUSES_AN_ITERATION = 8
 """No more than these, as a rule: one for each arrival, one for the update, one for each second in between."""
 
 
-class ProgressNode(Node):
+class ProgressNode(NetworkNode):
     """A node that learns: its name is its namespace.
 
     A subclass creates ``session`` and its inputs, and then calls ``start``.

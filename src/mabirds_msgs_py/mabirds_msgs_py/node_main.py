@@ -13,7 +13,8 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 
 from mabirds_core.errors import MabirdsError
-from mabirds_msgs_py.security import SecurityError, start_ros
+from mabirds_msgs_py.network_node import require_known_parameters
+from mabirds_msgs_py.security import start_ros
 
 EXIT_FINISHED = 0
 EXIT_BAD_INPUT = 2
@@ -55,10 +56,11 @@ def run_node(create: Callable[[], Node], help_text: str, arguments: Sequence[str
     _end_with_supervisor()
     try:
         start_ros(given)
-    except (SecurityError, RCLError) as error:
+    except MabirdsError as error:
         return _refuse(error)
     try:
         node = create()
+        require_known_parameters(node)
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         while rclpy.ok() and not getattr(node, "done", False):

@@ -6,12 +6,12 @@ from typing import Any
 
 from mabirds_msgs.msg import LearnerStatus, Membership
 from rclpy.executors import Executor
-from rclpy.node import Node
 
 from mabirds_core.errors import MabirdsError
 from mabirds_core.texts import sanitize
 from mabirds_msgs_py import topics
 from mabirds_msgs_py.mass_conversion import membership_message
+from mabirds_msgs_py.network_node import NetworkNode
 from mabirds_msgs_py.qos import STATUS_QOS, latched
 
 REFUSAL = "impossible_schedule"
@@ -22,7 +22,7 @@ class DeclarationError(MabirdsError):
     """A declaration that cannot be made, or that learners do not follow."""
 
 
-class MembershipPublisher(Node):
+class MembershipPublisher(NetworkNode):
     """Listens to the members-to-be and declares them. ``digest``: of the network; "": of the one that is heard."""
 
     def __init__(self, members: Sequence[str], digest: str = "", **node_options: Any) -> None:

@@ -10,7 +10,6 @@ from mabirds_msgs.msg import Constraints, EdgeSchedule, LearnerStatus, Membershi
 from mabirds_msgs.msg import Parameters as ParametersMessage
 from mabirds_msgs.srv import FetchParameters
 from rclpy.client import Client
-from rclpy.node import Node
 
 from mabirds_bringup.watch.admission import EXPECTED, MessageValidator
 from mabirds_bringup.watch.watched_history import WatchedHistory
@@ -23,6 +22,7 @@ from mabirds_msgs_py import topics
 from mabirds_msgs_py.bag_writer import BagWriter
 from mabirds_msgs_py.conversion import nanoseconds
 from mabirds_msgs_py.mass_conversion import membership_message
+from mabirds_msgs_py.network_node import NetworkNode
 from mabirds_msgs_py.presence import LivelinessMonitor
 from mabirds_msgs_py.qos import STATUS_QOS, announced, latched
 
@@ -34,7 +34,7 @@ GAP_PERIOD, GAPS_AT_ONCE = 0.5, 32
 """Seconds between two looks at what was missed, and how much of it is asked for in one."""
 
 
-class MonitorNode(Node):
+class MonitorNode(NetworkNode):
     """Collects theta(n), omega(n) and the newest status of every learner of an experiment, and records all to a bag.
 
     ``names``: who learns, where it is not the experiment's learners. ``directory``: of the files of ``kept``, which a
