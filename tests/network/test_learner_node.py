@@ -266,6 +266,31 @@ def test_two_processes_of_one_name_are_noticed(
     nodes.spin_until(lambda: not node.presence.duplicates())
 
 
+def test_a_namesake_of_another_run_is_no_duplicate(
+    nodes: Any, file: Path, around: Surroundings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It publishes to the same topic, and its messages say whose it is."""
+    monkeypatch.setattr(presence, "LIVELINESS_LEASE", 0.1)
+    node = nodes.learner(file, "learner_1", status_period=0.1, run="monday")
+    around.neighbour_says(1, node)
+    second = around.node.create_publisher(ParametersMessage, "/learner_2/parameters", announced(8))
+    message = around.neighbours_message(1, node)
+    message.experiment_digest = "v3-tuesday"
+    second.publish(message)
+    nodes.spin_until(lambda: around.statuses and "wrong_experiment" in around.last.drop_reasons)
+    nodes.spin_for(0.6)
+    assert "duplicate_name" not in around.last.drop_reasons
+
+
+def test_services_of_two_runs_have_names_of_their_own(nodes: Any, file: Path) -> None:
+    for run in ("monday", "tuesday", ""):
+        nodes.learner(file, "learner_1", run=run)
+    experiment, observer = load_experiment(file), nodes.plain("observer")
+    tags = [experiment.run_digest(run).removeprefix("v3-")[:16] for run in ("monday", "tuesday")]
+    expected = {f"/learner_1/fetch_parameters/run_{tag}" for tag in tags} | {"/learner_1/fetch_parameters"}
+    nodes.spin_until(lambda: expected <= {name for name, _ in observer.get_service_names_and_types()})
+
+
 def test_a_learner_goes_on_from_its_checkpoint_and_tells_its_past(
     nodes: Any, file: Path, around: Surroundings, tmp_path: Path
 ) -> None:

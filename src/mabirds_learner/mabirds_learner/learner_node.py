@@ -45,6 +45,9 @@ DUPLICATE_NAME = "duplicate_name"
 SAVE_AGAIN = 1.0
 """Seconds after which a checkpoint that could not be written is tried again."""
 
+FAREWELL = 5.0
+"""Seconds for which a departed learner lives on, so that others hear its last status."""
+
 NAMED = 3
 """Constraints that the last status names."""
 
@@ -72,12 +75,14 @@ class LearnerNode(ProgressNode):
         self.presence = LivelinessMonitor(self._on_presence)
         self.session, self._exchange = self._session_and_exchange()
         self._log: ParametersLog | None = None
+        self._departed_at: float | None = None
+        self.done = False
         self._checkpoints = self._open_checkpoints()
         self._constraints_publisher = self.create_publisher(Constraints, topics.CONSTRAINTS, STATUS_QOS)
         self.start(self.session.learner.game, self.parameter_history)
         history = latched(self.get_param("demonstration_history"))
         self.create_subscription(Demonstration, topics.DEMONSTRATION, self._on_demonstration, history)
-        self.create_service(FetchParameters, topics.FETCH_PARAMETERS, self._on_fetch)
+        self.create_service(FetchParameters, self.service_name(topics.FETCH_PARAMETERS), self._on_fetch)
         self._exchange.connect()
 
     def _session_and_exchange(self) -> tuple[LearnerSession, Exchange]:
@@ -197,10 +202,21 @@ class LearnerNode(ProgressNode):
 
     def on_timer(self) -> None:
         """Say that this learner lives, and mend what has been missing since the last time."""
-        for name in self.presence.duplicates():
+        for name in self.presence.duplicates():  # of this run: others of that name are known by their messages
             self.count_drop(DUPLICATE_NAME, f"several processes publish as {name}; end all but one")
         self.publish_status()
         self._exchange.on_timer()
+        self._end_where_departed()
+
+    def _end_where_departed(self) -> None:
+        """A learner without which the network goes on says so for a while, and then its process ends."""
+        if not self.session.member.departed:
+            self._departed_at = None
+        elif self._departed_at is None:
+            self._departed_at = time.monotonic()
+            self.set_event(f"departed: epoch {self.session.epoch} goes on without {self.learner_name}; this one ends")
+            self.publish_status()
+        self.done = self._departed_at is not None and time.monotonic() - self._departed_at > FAREWELL
 
     def _on_fetch(
         self, request: FetchParameters.Request, response: FetchParameters.Response

@@ -101,6 +101,7 @@ class PushSumExchange:
             total = read_mass(message, name, learner_name, experiment_digest, schedule.digest, size)
             self._member.receive_mass(name, message.epoch, message.iteration, total)
         except RefusedMessageError as error:
+            self._outlet.note_stranger(name, message, error)
             self._outlet.reject(f"mass {message.iteration} of {name}", error)
             return
         if joining and not self._member.joining:

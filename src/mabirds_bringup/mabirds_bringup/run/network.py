@@ -103,7 +103,9 @@ class Network:
                 executor.add_node(monitor)
 
                 def is_done(name: str, code: int) -> bool:
-                    return name == PLAYER and code == 0 and _hear_out(executor, monitor)
+                    if name != PLAYER:
+                        return code == 0 and monitor.has_departed(name)
+                    return code == 0 and _hear_out(executor, monitor)
 
                 while not monitor.finished:
                     executor.spin_once(timeout_sec=TICK)

@@ -25,6 +25,7 @@ from mabirds_msgs_py.mass_conversion import membership_message
 from mabirds_msgs_py.network_node import NetworkNode
 from mabirds_msgs_py.presence import LivelinessMonitor
 from mabirds_msgs_py.qos import STATUS_QOS, announced, latched
+from mabirds_msgs_py.security import is_requested
 
 DEPTH = 10_000
 """The monitor must not lose what learners publish while it draws; writers keep less, so this costs nothing."""
@@ -66,6 +67,8 @@ class MonitorNode(NetworkNode):
         self.lost: dict[str, set[int]] = {name: set() for name in self.names}
         self._fetch: dict[str, Client] = {}
         self._declared: set[str] = set()
+        digest, secured = self._admission.digest, is_requested([])
+        self._service = topics.of_run(topics.FETCH_PARAMETERS, run, digest, secured=secured)
         if experiment.mixing.declares_members:
             self._membership_publisher = self.create_publisher(Membership, topics.MEMBERSHIP, latched(1))
         for name in self.names:
@@ -87,7 +90,7 @@ class MonitorNode(NetworkNode):
             self.create_subscription(
                 message_type, f"{name}/{topic}", partial(receive, name), qos, event_callbacks=events
             )
-        self._fetch[name] = self.create_client(FetchParameters, f"{name}/{topics.FETCH_PARAMETERS}")
+        self._fetch[name] = self.create_client(FetchParameters, f"{name}/{self._service}")
 
     def declare_without(self, departed: Collection[str]) -> None:
         """Declare, once, that the network goes on without those."""
@@ -108,7 +111,15 @@ class MonitorNode(NetworkNode):
         return [name for name in self.names if epoch <= 1 or self._follows(name, epoch)]
 
     def _follows(self, name: str, epoch: int) -> bool:
-        return name not in self._declared and name in self.statuses and self.statuses[name].epoch == epoch
+        follows = name not in self._declared and name in self.statuses and self.statuses[name].epoch == epoch
+        return follows and not self.has_departed(name)
+
+    def has_departed(self, name: str) -> bool:
+        """Has a declaration left it out? Then it says that it has finished, before its time."""
+        status = self.statuses.get(name)
+        if status is None or status.epoch <= 1:
+            return False
+        return bool(status.state == LearnerStatus.FINISHED and status.iteration < self._admission.last)
 
     def _missing(self, name: str) -> list[int]:
         """Iterations before the newest that were not heard of and may still be had."""
