@@ -6,6 +6,7 @@ import typer
 from typer.exceptions import TyperException
 
 from mabirds_bringup import exit_codes
+from mabirds_bringup.commands.audit import audit_app
 from mabirds_bringup.commands.bag import bag_app
 from mabirds_bringup.commands.bench import bench_app
 from mabirds_bringup.commands.inspect import inspect
@@ -30,6 +31,7 @@ app = typer.Typer(
 )
 for verb in (run, simulate, report, check, record, inspect, members, kinds):
     app.command()(verb)
+app.add_typer(audit_app, name="audit")
 app.add_typer(bag_app, name="bag")
 app.add_typer(bench_app, name="bench")
 app.add_typer(schedule_app, name="schedule")
