@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 from mabirds_bringup.commands.audit import privacy
 from mabirds_bringup.commands.demonstrations import demonstrations_of
@@ -19,6 +20,7 @@ from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.assembly import build_game, build_learner
 from mabirds_core.experiment.file import Experiment, load_experiment
 from mabirds_core.games.interface import discounted_visitation
+from mabirds_expert_player.recorder import record
 
 PAPER: dict[str, Any] = {"steps": {"alpha": 48.0, "beta": 12.0}, "window": 1}
 SAMPLED: dict[str, Any] = {**PAPER, "expectation": "sampled", "rollouts": 20}
@@ -133,3 +135,23 @@ def test_omega_alone_is_enough(make: Callable[..., Experiment]) -> None:
 def test_where_it_is_no_attack_it_says_so(make: Callable[..., Experiment]) -> None:
     with pytest.raises(ExperimentError, match="mixing is resilient"):
         rebuild(make(DEFAULT, mixing={"kind": "resilient"}), "learner_1", {})
+
+
+DISCRETE = Path(__file__).resolve().parents[3] / "ros_ws" / "config" / "discrete.yaml"
+SECURITY = Path(__file__).resolve().parents[3] / "docs" / "security.md"
+
+
+@pytest.mark.parametrize("algorithm", [PAPER, DEFAULT], ids=["paper", "default"])
+def test_of_the_papers_game_documents_say_what_is_rebuilt(tmp_path: Path, algorithm: dict[str, Any]) -> None:
+    """Its first demonstrations; the whole of it takes half a minute."""
+    content = yaml.safe_load(DISCRETE.read_text(encoding="utf-8"))
+    content["demonstrations"] |= {"bag": "bag", "per_learner": 8}
+    (tmp_path / "experiment.yaml").write_text(
+        yaml.safe_dump({**content, "algorithm": algorithm, "iterations": 8}), encoding="utf-8"
+    )
+    experiment = load_experiment(tmp_path / "experiment.yaml")
+    record(experiment, experiment.demonstrations.bag)
+    found = audit(experiment, simulate_from_bag(experiment), demonstrations_of(experiment))
+    assert min(revealed.steps for revealed in found.values()) >= 0.95
+    row = "the paper's, window 1" if algorithm else "the default"
+    assert f"| {row} | 100.0 % | 40 of 40 |" in SECURITY.read_text(encoding="utf-8")
