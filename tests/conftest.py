@@ -119,7 +119,7 @@ DRONES: dict[str, Any] = {
 """An arena of 3 m that two drones cross."""
 
 PLANNERS: dict[str, dict[str, Any]] = {
-    "lattice": {"kind": "lattice", "spacing": 0.5, "temperature": 1.0},
+    "lattice": {"kind": "lattice", "spacing": 0.144, "temperature": 1.0},
     "soft_actor_critic": {
         "kind": "soft_actor_critic",
         "hidden": 16,

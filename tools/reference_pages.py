@@ -33,7 +33,7 @@ from mabirds_bringup.run.declaration import MembershipPublisher
 from mabirds_bringup.run.run_directory import CONTENTS
 from mabirds_bringup.watch.monitor import MonitorNode
 from mabirds_core.experiment.file import load_experiment
-from mabirds_expert_player import player_node
+from mabirds_expert_player import player_help, player_node
 from mabirds_learner import baseline_node, learner_node
 from mabirds_msgs_py import qos, topics
 from mabirds_msgs_py.bag_writer import BagWriter
@@ -57,7 +57,7 @@ def commands_page() -> str:
     helps = {
         "mabirds-learner": learner_node.HELP,
         "mabirds-baseline": baseline_node.HELP,
-        "mabirds-expert-player": player_node.HELP,
+        "mabirds-expert-player": player_help.HELP,
     }
     sections += [f"## {name}\n\n{block(text)}" for name, text in helps.items()]
     codes = table(("code", "meaning"), _constants(Path(exit_codes.__file__)))
@@ -218,12 +218,13 @@ def _qos(profile: QoSProfile) -> str:
 
 def _parameters(node: Node) -> Iterator[tuple[str, str, str, str]]:
     for name in sorted(filter(_own, node.get_parameters_by_prefix(""))):
-        about, value = node.describe_parameter(name), node.get_parameter(name).value
+        about, value = node.describe_parameter(name), node.get_parameter_or(name, Parameter(name)).value
         limits = [
             f"{bounds.from_value:g} to {bounds.to_value:g}"
             for bounds in (*about.integer_range, *about.floating_point_range)
         ]
-        default = "required" if name == "experiment" else code(str(value).lower() if isinstance(value, bool) else value)
+        shown = "" if value is None else code(str(value).lower() if isinstance(value, bool) else value)
+        default = "required" if name == "experiment" else shown
         change = "" if about.read_only else "; may change while the node runs"
         yield code(name), default, ", ".join(limits), about.description + change
 

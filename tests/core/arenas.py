@@ -40,7 +40,8 @@ ARENA: dict[str, Any] = {
     "features": {
         "cost_spacing": 0.4,
         "cost_width": 0.25,
-        "distance_widths": (0.2, 0.5),
+        "distance_levels": (0.2, 0.5),
+        "distance_softness": 0.05,
         "distance_scale": 2.0,
         "effort_scale": 0.3,
         "reward_spacing": 0.8,
@@ -114,7 +115,7 @@ class SlowArena:
         return 1 - math.exp(-(math.dist(place, goal.centre) ** 2) / (2 * goal.radius**2))
 
     def nodes(self, spacing: float) -> list[Pair]:
-        """Centres of RBFs, and nodes of lattices: columns from left to right, each from below."""
+        """Centres of RBFs: columns from left to right, each from below."""
         xs, ys = (
             [side * k / n for k in range(n + 1)]
             for side, n in ((side, math.ceil(side / spacing - 1e-9)) for side in self.settings.arena)
@@ -127,9 +128,10 @@ class SlowArena:
         return [rbf(math.dist(place, node), f.cost_width) * fade for node in self.nodes(f.cost_spacing)]
 
     def distance_costs(self, distance: float) -> list[float]:
-        """Cost RBFs of one pair."""
+        """Cost steps of one pair."""
         f = self.settings.features
-        return [f.distance_scale * rbf(distance, width) for width in f.distance_widths]
+        beyond = [(distance - level) / f.distance_softness for level in f.distance_levels]
+        return [f.distance_scale / (1 + math.exp(above)) for above in beyond]
 
     def effort(self, action: Pair, longest: float) -> float:
         """Cost of one drone's action."""
@@ -154,7 +156,7 @@ DRONE_EXPERIMENT: dict[str, Any] = {
         "rollouts": 6,
         "window": 3,
         "expectation": "sampled",
-        "policy": {"kind": "lattice", "spacing": 0.4, "temperature": 1.0},
+        "policy": {"kind": "lattice", "spacing": 0.173, "temperature": 1.0},
     },
     "learners": ["ann", "bob"],
     "schedule": {"kind": "static"},
@@ -186,6 +188,6 @@ def drone_game(of: Experiment) -> WholeDroneGame:
 def drone_streams(of: Experiment, seed: int = 0) -> dict[str, list[Trajectories]]:
     """A stream per learner, of drones that hurry to their goal regions."""
     game, rng = drone_game(of), np.random.default_rng(seed)
-    planner = LatticePlanner(game, TrueDroneReward(game), spacing=0.4, temperature=0.1)
+    planner = LatticePlanner(game, TrueDroneReward(game), spacing=0.173, temperature=0.1)
     policy = planner.plan(np.zeros(0), np.zeros(len(game.cost_features.names)))
     return {name: [drone_rollouts(game, policy, 1, rng) for _ in range(of.iterations)] for name in of.learners}

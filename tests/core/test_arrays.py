@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mabirds_core.arrays import weighted_counts
+from mabirds_core.arrays import digits, weighted_counts
 
 
 @given(st.lists(st.tuples(st.integers(0, 5), st.floats(-1e6, 1e6))), st.integers(6, 9))
@@ -24,3 +24,18 @@ def test_tables_are_counted_element_by_element() -> None:
 
 def test_counting_nothing_gives_zeros() -> None:
     assert weighted_counts(np.array([], dtype=np.int64), np.array([]), 3).tolist() == [0, 0, 0]
+
+
+@given(st.integers(2, 30), st.integers(1, 4), st.integers(0, 10**6))
+def test_digits_are_those_of_the_number(base: int, count: int, seed: int) -> None:
+    numbers = np.random.default_rng(seed).integers(base**count, size=7)
+    found = digits(numbers, base, count)
+    assert [sum(int(d) * base ** (count - 1 - k) for k, d in enumerate(of_one)) for of_one in found.T] == list(numbers)
+    assert found.min() >= 0
+    assert found.max() < base
+
+
+def test_digits_of_a_long_column() -> None:
+    """Where numpy's own function errs."""
+    numbers = np.arange(30**3)
+    np.testing.assert_array_equal(digits(numbers[:, None], 30, 3)[:, :, 0], digits(numbers, 30, 3))

@@ -35,7 +35,7 @@ QUICK_NETWORKS = {
 PLANNERS: dict[str, dict[str, Any]] = {
     "soft_value_iteration": {},
     "soft_q_learning": {"episodes": 5, "sweeps": 1},
-    "lattice": {"spacing": 0.6},
+    "lattice": {"spacing": 0.3},
     "soft_actor_critic": QUICK_NETWORKS,
 }
 

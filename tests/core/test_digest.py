@@ -2,11 +2,13 @@
 
 import hashlib
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mabirds_core.digest import digest, experiment_digest, trajectory_digest
+from mabirds_core.arithmetic import arithmetic
+from mabirds_core.digest import arithmetic_differs, digest, experiment_digest, trajectory_digest
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 leaves = st.none() | st.booleans() | st.integers() | finite | st.text()
@@ -33,7 +35,32 @@ def test_a_number_that_json_lacks_is_refused(value: float) -> None:
 
 
 def test_an_experiments_digest_says_its_format_first() -> None:
-    assert experiment_digest([1]) == f"v3-{digest([1])}"
+    assert experiment_digest([1]) == f"v4-{arithmetic()}-{digest([1])}"
+
+
+def test_hosts_whose_last_bits_may_differ_are_told_so_by_name() -> None:
+    ours, theirs = (experiment_digest([1], name) for name in ("fixed", "numpy_2.4.6_avx2_haswell"))
+    difference = arithmetic_differs(theirs, ours)
+    assert difference is not None
+    assert "arithmetic 'numpy_2.4.6_avx2_haswell', expected 'fixed'" in difference
+    assert "compiled kernels" in difference
+
+
+@pytest.mark.parametrize("given", ["other", "", "v4-fixed-abc", "v3-numpy-abc", "v4-numpy-abd", "v4-numpy-abc-d"])
+def test_and_no_other_difference_is_called_one_of_arithmetic(given: str) -> None:
+    assert arithmetic_differs(given, "v4-fixed-abc") is None
+
+
+@pytest.mark.parametrize("features", [set(), {"AVX2"}, {"AVX2", "AVX512_SKX"}])
+def test_without_kernels_the_arithmetic_is_numpys_on_this_processor(
+    features: set[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("mabirds_core.arithmetic.library", lambda: None)
+    monkeypatch.setattr(np._core._multiarray_umath, "__cpu_features__", dict.fromkeys(features, True))
+    name = arithmetic.__wrapped__()
+    level = "avx512_skx" if "AVX512_SKX" in features else "avx2" if features else "other"
+    assert name.startswith(f"numpy_{np.__version__}_{level}_")
+    assert "-" not in name
 
 
 def test_what_decides_trajectories_is_in_their_digest() -> None:

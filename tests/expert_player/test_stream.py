@@ -12,7 +12,7 @@ def constant(_: int) -> float:
 
 
 def play(stream: Stream, now: float) -> int:
-    return stream.mark_sent(now, stream.due_at(constant))
+    return stream.mark_sent(now, stream.due_at(constant), now, JITTER_TOLERANCE)
 
 
 def test_nothing_is_open_before_the_learner_speaks() -> None:
@@ -89,12 +89,12 @@ def test_demonstrations_are_as_far_apart_as_they_were_recorded() -> None:
     """gap(n) is the time between demonstrations n - 1 and n."""
     stream, gaps = Stream(total=9, max_in_flight=9), {2: 3.0, 3: 0.5, 4: 7.0}
     stream.acknowledge(0)
-    stream.mark_sent(now=10.0, due=10.0)
+    stream.mark_sent(10.0, 10.0, 10.0, JITTER_TOLERANCE)
     found = []
     for number in gaps:
         due = stream.due_at(gaps.__getitem__)
         found.append(due)
-        assert stream.mark_sent(now=due, due=due) == number
+        assert stream.mark_sent(due, due, due, JITTER_TOLERANCE) == number
     assert found == [13.0, 13.5, 20.5]
 
 

@@ -89,7 +89,7 @@ def lies(content: bytes) -> Iterator[tuple[str, bytes, str]]:
         MAGIC + b"\x06" + struct.pack("<Q", len(head) + 108) + head + struct.pack("<Q", 2**62) + bytes(1000),
         "intact up to",
     )
-    yield "honest bomb", file_of(chunk(zeros(2**30), 2**30)), "is too large"
+    yield "honest bomb", file_of(chunk(zeros(2**30), 2**30)), "a record of kind 0"
     yield "bomb that says 100 bytes", file_of(chunk(zeros(2**30), 100)), "that has another size"
     empty_frame = b"\x28\xb5\x2f\xfd\xe0" + struct.pack("<Q", 2**40) + b"\x01\x00\x00"
     yield "frame that says 2^40 bytes", file_of(chunk(empty_frame, 100)), "that has another size"

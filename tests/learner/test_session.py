@@ -310,3 +310,22 @@ def test_a_checkpoint_is_the_state_and_whose_parameters_entered_it(experiment: E
     assert (again.iteration, again.mixed_from) == (2, ["learner_2"])
     assert again.member.state.iteration == 2
     assert again.parameters.theta.tobytes() == target.parameters.theta.tobytes()
+
+
+def test_the_certificate_of_a_plan_is_a_metric_and_a_bad_one_a_warning(
+    make_drone_experiment: Callable[..., Path], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    experiment = load_experiment(make_drone_experiment())
+    streams = demonstrations(experiment)
+    first = {}
+    for nats in (None, 3.0):
+        if nats:
+            monkeypatch.setattr("mabirds_core.games.drones.judge.RolloutJudge.certificate", lambda *_: 3.0)
+        target = session(experiment)
+        target.receive_demonstration(1, streams["learner_1"][0])
+        target.member.receive_parameters("learner_2", 1, target.parameters)
+        first[nats] = target.step()
+        assert ("iteration 1: the planner's value is 3 nats from" in caplog.text) == bool(nats)
+    assert 0 <= first[None]["certificate"] < 0.1
+    assert first[3.0]["certificate"] == 3.0
+    assert np.isfinite(first[None]["held_out_log_likelihood"])

@@ -13,6 +13,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.consensus.schedule import EdgeSchedule
+from mabirds_core.digest import experiment_digest
 from mabirds_core.errors import RefusedMessageError
 from mabirds_core.experiment.assembly import build_game
 from mabirds_core.experiment.file import Experiment
@@ -45,6 +46,15 @@ def test_parameters_survive_to_the_last_bit() -> None:
     result = read(through_cdr(parameters()))
     assert result.theta.tobytes() == PARAMETERS.theta.tobytes()
     assert result.omega.tobytes() == PARAMETERS.omega.tobytes()
+
+
+def test_a_host_whose_last_bits_may_differ_is_refused_by_the_name_of_its_arithmetic() -> None:
+    message = parameters()
+    message.experiment_digest = experiment_digest([1], "numpy_2.4.6_avx2_haswell")
+    ours = experiment_digest([1], "fixed")
+    with pytest.raises(RefusedMessageError, match="arithmetic 'numpy_2.4.6_avx2_haswell', expected 'fixed'") as refused:
+        read_parameters(message, "learner_2", ours, "schedule", PARAMETERS)
+    assert refused.value.reason == "wrong_arithmetic"
 
 
 def test_read_parameters_do_not_share_memory_with_the_message() -> None:

@@ -17,9 +17,20 @@ PINNED = {
     "mabirds_msgs/msg/Mass": "RIHS01_f645915c29f11125f88a4be6e805dbba86127fe053d178e5bb6837c1adf931e7",
     "mabirds_msgs/msg/Membership": "RIHS01_3a9818d4cd2724db434d7ec16aa4c5ff51c1a4c0a315cca98432816fdb46e2c1",
     "mabirds_msgs/msg/Parameters": "RIHS01_767819e8912bf342586795e2beef4c02b14f867a366e3a3371ba985dd7e6c339",
+    "mabirds_msgs/msg/PlayerStatus": "RIHS01_cb2ce8a4c1d29fa969a5c2af2850ee98c7476aa184d3dfa28f4ddae7a65af0b7",
+    "mabirds_msgs/srv/Burst": "RIHS01_797524764367026419c893cb11ed09b3229ed44afaed820791b3de37e7c6f4ab",
     "mabirds_msgs/srv/FetchParameters": "RIHS01_ce7df96d420ac1bb477b5be4e16ce5f3d379cb52dae002b2ee06de70bb77e158",
-    "mabirds_msgs/srv/PlayNext": "RIHS01_afc3b99ab353251e5a2e5974382ed332a2215370b432c203f3a5a6e0a755247a",
+    "mabirds_msgs/srv/GetRate": "RIHS01_f33620e6979e5dc74522116ccaf72f23d3d897dfc79aac48f8c13c7295a691f5",
+    "mabirds_msgs/srv/IsPaused": "RIHS01_eaa362003c11a1fd175c6c0b0669f4422caec384610473919602c646f1c66911",
+    "mabirds_msgs/srv/Pause": "RIHS01_8e283135438c5787e04e72db8844255219ce90d1be1a9ce482063761ed004d0e",
+    "mabirds_msgs/srv/Play": "RIHS01_614bf366cfe0c9bb5d8dc3a67cd281957c15062e2d1ca64a46111fdfc81022dd",
+    "mabirds_msgs/srv/PlayNext": "RIHS01_7ad35b2f09d40c0ef11c2ebf5aba54324d51f03d90107dab8ee14721752abc12",
     "mabirds_msgs/srv/Resend": "RIHS01_9c10db922830df03bf4d27181325e236872c588344cd21a786c137a5561664b3",
+    "mabirds_msgs/srv/Resume": "RIHS01_ea8d87007c4b00e33572dcae3f028139c4cd47b5c868c70c7d4800b83cc6b068",
+    "mabirds_msgs/srv/Seek": "RIHS01_b8b45e9dd2ccccc678f66293ea6e65f11e7120df354082ec739e37ca1ea24f6f",
+    "mabirds_msgs/srv/SetRate": "RIHS01_1177912dd7c9b70f03d99419511c6ff5db64f09e07156bd1bd3aaa230e5c30fe",
+    "mabirds_msgs/srv/Stop": "RIHS01_f8388b76fe497b53fe54e1818cf142483862cac25d1f8cbc5c1da5247f87b941",
+    "mabirds_msgs/srv/TogglePaused": "RIHS01_637c616c7c95fb87e90d83701411d0c1d0d8a9c16e4b5059ee94ab1b5925e0ed",
 }
 
 

@@ -1,54 +1,18 @@
 """The player node: speed, holding back, pausing, sending again, and refusing to play to another game."""
 
-import time
-from collections import defaultdict
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import pytest
-from mabirds_msgs.msg import Demonstration, LearnerStatus
-from mabirds_msgs.srv import PlayNext, Resend
+from mabirds_msgs.srv import Resend
+from pretend_learners import PretendLearners
 from rcl_interfaces.msg import FloatingPointRange
 from rclpy.parameter import Parameter
-from std_srvs.srv import SetBool
 
-from mabirds_core.experiment.assembly import build_game
-from mabirds_core.experiment.file import Experiment, load_experiment
+from mabirds_core.experiment.file import load_experiment
 from mabirds_msgs_py.errors import BagError
-from mabirds_msgs_py.qos import STATUS_QOS, latched
-
-
-class PretendLearners:
-    """Listens to demonstrations and acknowledges them only when told to."""
-
-    def __init__(self, nodes: Any, experiment: Experiment, game_digest: str = "") -> None:
-        self.node = nodes.plain("pretend_learners")
-        self.experiment = experiment
-        self.game_digest = game_digest or build_game(experiment).digest
-        self.received: defaultdict[str, list[int]] = defaultdict(list)
-        self.times: defaultdict[str, list[float]] = defaultdict(list)
-        self._publishers = {}
-        for name in experiment.learners:
-            self._publishers[name] = self.node.create_publisher(LearnerStatus, f"/{name}/status", STATUS_QOS)
-            self.node.create_subscription(Demonstration, f"/{name}/demonstration", self._on_demonstration, latched(256))
-
-    def _on_demonstration(self, message: Demonstration) -> None:
-        self.received[message.learner].append(message.iteration)
-        self.times[message.learner].append(time.monotonic())
-
-    def acknowledge(self, name: str, iteration: int) -> None:
-        self._publishers[name].publish(
-            LearnerStatus(
-                learner=name,
-                game_digest=self.game_digest,
-                experiment_digest=self.experiment.digest,
-                schedule_digest=self.experiment.edge_schedule.digest,
-                last_demonstration=iteration,
-                state=LearnerStatus.WAITING_FOR_DEMONSTRATION,
-            )
-        )
 
 
 @pytest.fixture
@@ -145,7 +109,7 @@ def test_a_learner_of_another_run_gets_nothing(nodes: Any, file: Path, learners:
     assert learners.received == {}
 
 
-@pytest.mark.parametrize(("name", "value"), [("rate", 0.0), ("rate", -1.0), ("hz", -0.5), ("hz", 1e9), ("rate", "x")])
+@pytest.mark.parametrize(("name", "value"), [("rate", 0.0), ("rate", -1.0), ("hz", -0.5), ("hz", 1e10), ("rate", "x")])
 def test_speeds_out_of_range_are_refused_and_change_nothing(nodes: Any, file: Path, name: str, value: Any) -> None:
     player = nodes.player(file)
     before = player.get_parameter(name).value
@@ -158,25 +122,10 @@ def test_speeds_out_of_range_are_refused_and_change_nothing(nodes: Any, file: Pa
 def test_parameters_are_described_with_ranges(nodes: Any, file: Path) -> None:
     player = nodes.player(file)
     descriptor = player.describe_parameter("rate")
-    assert descriptor.floating_point_range == [FloatingPointRange(from_value=0.01, to_value=1e4)]
+    assert descriptor.floating_point_range == [FloatingPointRange(from_value=1e-6, to_value=1e9)]
     assert all(
         player.describe_parameter(name).description for name in ("experiment", "bag", "max_in_flight", "rate", "hz")
     )
-
-
-def test_paused_it_sends_only_what_it_is_asked_for(nodes: Any, file: Path, learners: PretendLearners) -> None:
-    nodes.player(file, hz=100.0)
-    client = learners.node.create_client(SetBool, "/expert_player/pause")
-    step = learners.node.create_client(PlayNext, "/expert_player/play_next")
-    assert not nodes.call(step, PlayNext.Request(count=1)).success, "not while it plays"
-    assert nodes.call(client, SetBool.Request(data=True)).success
-    learners.acknowledge("learner_1", 0)
-    nodes.spin_for(0.3)
-    assert learners.received["learner_1"] == []
-    assert nodes.call(step, PlayNext.Request(count=2)).message == "published 2 demonstrations"
-    nodes.spin_until(lambda: learners.received["learner_1"] == [1, 2])
-    assert nodes.call(client, SetBool.Request(data=False)).success
-    nodes.spin_until(lambda: len(learners.received["learner_1"]) > 5)
 
 
 def test_resend_repeats_one_demonstration_to_its_own_learner(nodes: Any, file: Path, learners: PretendLearners) -> None:

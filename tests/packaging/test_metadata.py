@@ -21,7 +21,7 @@ FROM_WHEELS = {
     "rcl_interfaces": "ros-jazzy-rclpy",
     "rclpy": "ros-jazzy-rclpy",
     "diagnostic_msgs": "ros-jazzy-common-interfaces",
-    "std_srvs": "ros-jazzy-common-interfaces",
+    "rosgraph_msgs": "ros-jazzy-rclpy",
     "yaml": "pyyaml",
 }
 """What brings a module, where that is named otherwise."""

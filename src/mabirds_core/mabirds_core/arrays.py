@@ -36,3 +36,31 @@ def weighted_counts(indices: NDArray[np.integer], weights: Array, size: int) -> 
     [1.0, 0.0, 0.75]
     """
     return np.asarray(np.bincount(indices.ravel(), weights.ravel(), minlength=size), dtype=np.float64)
+
+
+def digits(numbers: NDArray[np.integer], base: int, count: int) -> Indices:
+    """Digits of numbers, the most significant first. (numpy 2.4's unravel_index errs on columns beyond 8192 rows.)
+
+    Parameters
+    ----------
+    numbers : NDArray[np.integer]
+        From 0 to ``base`` ** ``count`` - 1, of any shape.
+    base : int
+        Of the digits.
+    count : int
+        How many.
+
+    Returns
+    -------
+    Indices
+        Shape (count, *numbers.shape).
+
+    Examples
+    --------
+    >>> digits(np.array([7, 2]), 3, 2).tolist()
+    [[2, 0], [1, 2]]
+    """
+    found, rest = np.empty((count, *np.shape(numbers)), dtype=np.int64), np.asarray(numbers)
+    for place in reversed(range(count)):
+        rest, found[place] = np.divmod(rest, base)
+    return found

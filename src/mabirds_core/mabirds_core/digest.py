@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from mabirds_core.arithmetic import arithmetic
 from mabirds_core.arrays import Array
+from mabirds_core.texts import truncate
 
-GAME_FORMAT, EXPERIMENT_FORMAT = 2, 3
+GAME_FORMAT, EXPERIMENT_FORMAT = 2, 4
 """Versions of what goes into the digests: another version is not another game. Raised where a default changes."""
 
 
@@ -43,13 +45,56 @@ def trajectory_digest(kind: str, dynamics: Any, horizon: int) -> str:
     return _versioned(GAME_FORMAT, {"game": kind, "dynamics": dynamics, "horizon": horizon})
 
 
-def experiment_digest(content: Any) -> str:
-    """The digest of an experiment's settings, or of one run of it.
+def experiment_digest(content: Any, arithmetic_name: str | None = None) -> str:
+    """The digest of an experiment's settings, or of one run of it, with the arithmetic that it is learned in.
 
-    >>> experiment_digest([])[:6]
-    'v3-4f5'
+    Parameters
+    ----------
+    content : Any
+        As JSON can write it.
+    arithmetic_name : str, optional
+        Without "-"; default: that of this process.
+
+    Returns
+    -------
+    str
+        With the version of its format.
+
+    Examples
+    --------
+    >>> experiment_digest([], "fixed")[:12]
+    'v4-fixed-4f5'
     """
-    return _versioned(EXPERIMENT_FORMAT, content)
+    return f"v{EXPERIMENT_FORMAT}-{arithmetic_name or arithmetic()}-{digest(content)}"
+
+
+def arithmetic_differs(given: str, expected: str) -> str | None:
+    """Say why two digests of one experiment are not the same, where it is the arithmetic alone.
+
+    Parameters
+    ----------
+    given : str
+        Somebody else's, any text.
+    expected : str
+        Our own.
+
+    Returns
+    -------
+    str or None
+        None: they are the same, or differ in more.
+
+    Examples
+    --------
+    >>> arithmetic_differs(experiment_digest([], "numpy_1"), experiment_digest([1], "fixed")) is None
+    True
+    """
+    theirs, ours = given.split("-"), expected.split("-")
+    if len(theirs) != 3 or len(ours) != 3 or theirs[1] == ours[1] or theirs[::2] != ours[::2]:
+        return None
+    return (
+        f"arithmetic {truncate(theirs[1])!r}, expected {ours[1]!r}: last bits would differ; install mabirds_core with"
+        " compiled kernels on all hosts"
+    )
 
 
 def arrays_digest(arrays: Iterable[Array]) -> str:

@@ -2,34 +2,53 @@
 
 ``rate`` multiplies the recorded timing; ``hz`` above 0 overrides it with demonstrations per second. Both may change
 while the node runs. Nothing is sent before a learner has announced itself with the right game, and never more than
-``max_in_flight`` demonstrations beyond what it has learned.
+``max_in_flight`` demonstrations beyond what it has learned. With ``listeners`` it plays to whoever looks, too.
 """
 
 import time
 from collections.abc import Sequence
 from functools import partial
-from pathlib import Path
+from itertools import islice
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from mabirds_msgs.msg import Demonstration, LearnerStatus
-from mabirds_msgs.srv import PlayNext, Resend
+from mabirds_msgs.msg import Demonstration, LearnerStatus, PlayerStatus
+from mabirds_msgs.srv import Resend
+from rclpy.duration import Duration
 from rclpy.parameter import Parameter
-from std_srvs.srv import SetBool
+from rosgraph_msgs.msg import Clock as ClockMessage
 
+from mabirds_core.digest import arithmetic_differs
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.assembly import build_game, method_names
+from mabirds_core.experiment.file import Experiment
 from mabirds_core.texts import truncate
 from mabirds_expert_player.diagnostics import playing_diagnostic
+from mabirds_expert_player.playback import LONG_WAIT, Playback
+from mabirds_expert_player.player_control import PlayerControl
+from mabirds_expert_player.player_help import HELP
+from mabirds_expert_player.player_parameters import (
+    HISTORY,
+    bags_of,
+    chosen_learners,
+    declare_parameters,
+    gap_limit,
+    is_partial,
+    part_of,
+)
+from mabirds_expert_player.player_status import player_status
+from mabirds_expert_player.read_ahead import ReadAhead
 from mabirds_expert_player.stream import AckFilter, Stream
 from mabirds_msgs_py import diagnostics, topics
-from mabirds_msgs_py.bag_digest import open_bag
+from mabirds_msgs_py.bag_digest import require_digest
+from mabirds_msgs_py.bag_reader import DemonstrationBag
 from mabirds_msgs_py.conversion import NANOSECONDS, time_message
 from mabirds_msgs_py.environment import prepare_environment
 from mabirds_msgs_py.network_node import NetworkNode
 from mabirds_msgs_py.node_main import run_node
-from mabirds_msgs_py.qos import latched
-from mabirds_msgs_py.ros_parameters import declare_experiment, experiment_of, float_param, int_param, str_param
+from mabirds_msgs_py.player_services import RESEND, STATUS
+from mabirds_msgs_py.qos import STATUS_QOS, latched
+from mabirds_msgs_py.ros_parameters import experiment_of
 
 PATIENCE = 2.0
 """Seconds after which a demonstration that a waiting learner does not acknowledge is sent again.
@@ -39,11 +58,16 @@ And until statuses that contradict each other are believed to be a learner's or 
 IDLE = 3600.0
 """Seconds between two looks while nothing can become due by itself."""
 
+STEP_LOOK = 0.5
+"""Seconds between two looks while a step waits for learners."""
+
 STATUS_DEPTH = 10
 """Statuses of a learner that wait to be read; one would be hidden by those of a namesake in another run."""
 
-HISTORY = 256
-"""Depth of the demonstration topics: what a late joiner still gets."""
+BATCH = 64
+"""Demonstrations that are sent before anybody else is listened to."""
+
+SPEEDS = ("rate", "hz")
 
 
 class ExpertPlayerNode(NetworkNode):
@@ -62,55 +86,59 @@ class ExpertPlayerNode(NetworkNode):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("expert_player", **node_options)
-        self._declare_parameters()
+        declare_parameters(self)
         experiment, self._experiment_digest = experiment_of(self)
         self._schedule_digest = experiment.edge_schedule.digest
         if self._value("baseline") not in ("", *method_names()):
             raise ExperimentError(f"baseline {self._value('baseline')!r}: expected one of {method_names()}, or nothing")
         self._game = build_game(experiment)
-        directory = Path(self._value("bag") or experiment.demonstrations.bag)
-        self.get_logger().info(f"checking {directory}")
-        needs = experiment.learners, experiment.iterations, self._value("bag_digest")
-        self._bag = open_bag(directory, self._game, *needs)
-        max_in_flight = self._value("max_in_flight")
-        self._streams = {name: Stream(experiment.iterations, max_in_flight) for name in experiment.learners}
-        self._claims = {name: AckFilter(PATIENCE) for name in experiment.learners}
-        self._paused = False
-        self._held_back: set[str] = set()
-        self.done = False
-        self._publishers_by_learner = {name: self._connect(name) for name in experiment.learners}
-        self._timer = self.create_timer(1.0, self._play)
+        self._totals = dict.fromkeys(experiment.learners, experiment.iterations)
+        self._learners = chosen_learners(self, experiment.learners)
+        self._bag = self._open_bag(experiment)
+        self.playback = self._make_playback(experiment)
+        self._claims = {name: AckFilter(PATIENCE) for name in self._learners}
+        self._held_back, self._long_waits = set[str](), set[tuple[str, int]]()
+        self.done, self.answers, self.answer = False, 0, ""
+        self._publishers_by_learner = {name: self._connect(name) for name in self._learners}
+        self._ahead = {name: ReadAhead(self._bag, name, self._value("read_ahead")) for name in self._learners}
+        self._status_publisher = self.create_publisher(PlayerStatus, f"~/{STATUS}", STATUS_QOS)
         self._diagnostics_publisher = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, diagnostics.DEPTH)
-        self.create_timer(diagnostics.PERIOD, self._publish_diagnostics)
+        self._timer = self.create_timer(IDLE, self._play)
+        self.create_timer(diagnostics.PERIOD, self._publish_standing)
+        self._publish_clock()
         self.add_post_set_parameters_callback(self._on_parameters)
-        self.create_service(SetBool, "~/pause", self._on_pause)
-        self.create_service(PlayNext, "~/play_next", self._on_play_next)
-        self.create_service(Resend, "~/resend", self._on_resend)
-        self.get_logger().info(f"{directory}: waiting for {', '.join(self._streams)}")
+        self.control = PlayerControl(self, self.playback, self._play, self._tell)
+        self.create_service(Resend, f"~/{RESEND}", self._on_resend)
+        self._play()
 
     def destroy_node(self) -> None:
         """Close the bag with the node."""
         self._bag.close()
         super().destroy_node()
 
-    def _declare_parameters(self) -> None:
-        declare_experiment(self)
-        self.declare_parameter("bag", "", str_param("bag to play; empty: the experiment's"))
-        self.declare_parameter("bag_digest", "", str_param("digest of what it must hold; empty: anything"))
-        self.declare_parameter(
-            "baseline", "", str_param("a central method that learns in the learners' place; empty: none")
-        )
-        self.declare_parameter(
-            "max_in_flight", 16, int_param("demonstrations ahead of what a learner has learned", 1, HISTORY)
-        )
-        self.declare_parameter(
-            "rate", 1.0, float_param("speed, as a multiple of the recorded timing", 0.01, 1e4, fixed=False)
-        )
-        self.declare_parameter(
-            "hz",
-            0.0,
-            float_param("demonstrations per second; 0: the recorded timing times rate", 0.0, 1e4, fixed=False),
-        )
+    def _open_bag(self, experiment: Experiment) -> DemonstrationBag:
+        bags = bags_of(self, experiment)
+        self.get_logger().info(f"checking {', '.join(map(str, bags))}")
+        least = 1 if is_partial(self) else experiment.iterations
+        bag = DemonstrationBag(bags, self._game, self._learners, at_least=least)
+        require_digest(bag, self._learners, experiment.iterations, self._value("bag_digest"))
+        waits = "" if self._value("listeners") else f": waiting for {', '.join(self._learners)}"
+        self.get_logger().info(f"{', '.join(map(str, bags))}{waits}")
+        return bag
+
+    def _make_playback(self, experiment: Experiment) -> Playback:
+        in_flight, looked_at = self._value("max_in_flight"), self._value("listeners")
+        streams = {
+            name: Stream(min(experiment.iterations, self._bag.count(name)), in_flight, looked_at=looked_at)
+            for name in self._learners
+        }
+        part = part_of(self, self._bag, self._learners)
+        playback = Playback(self._bag, streams, part, self._value("loop"), gap_limit(self))
+        now = time.monotonic()
+        playback.not_before, playback.hz = now + self._value("delay"), float(self._value("hz"))
+        playback.clock.since, playback.clock.paused = now, self._value("start_paused")
+        playback.clock.set_rate(float(self._value("rate")), now)
+        return playback
 
     def _value(self, name: str) -> Any:
         return self.get_parameter(name).value
@@ -125,12 +153,14 @@ class ExpertPlayerNode(NetworkNode):
     def _on_status(self, learner: str, status: LearnerStatus) -> None:
         if not (self._same_network(learner, status) and self._possible(learner, status)):
             return
-        stream, now = self._streams[learner], time.monotonic()
+        stream, now = self.playback.streams[learner], time.monotonic()
         learned = self._claims[learner].accepted(status.last_demonstration, stream.sent, now)
         if learned != status.last_demonstration:
             self._report_contradiction(learner, status.last_demonstration, learned)
         if learned is None:
             return
+        if not stream.ready and stream.looked_at:
+            self._tell(f"{learner} learns here, from demonstration {learned + 1} on")
         stream.acknowledge(learned)
         if status.state == LearnerStatus.WAITING_FOR_DEMONSTRATION:
             for iteration in stream.missing(now, PATIENCE):
@@ -148,7 +178,7 @@ class ExpertPlayerNode(NetworkNode):
 
     def _possible(self, learner: str, status: LearnerStatus) -> bool:
         """Is the status from ``learner``, and within what there is to learn? Says so where it is not."""
-        name, total = self._value("baseline") or learner, self._streams[learner].total
+        name, total = self._value("baseline") or learner, self._totals[learner]
         if status.learner == name and status.last_demonstration <= total:
             return True
         self.get_logger().error(
@@ -168,8 +198,11 @@ class ExpertPlayerNode(NetworkNode):
         different = {name: pair for name, pair in expected.items() if pair[0] != pair[1]}
         for name, (theirs, ours) in different.items():
             self.get_logger().error(
-                f"{learner} has another {name}: digest {truncate(theirs)}, here {ours}; start both with the same"
-                " experiment file and run",
+                f"{learner} has another {name}: "
+                + (
+                    arithmetic_differs(theirs, ours)
+                    or f"digest {truncate(theirs)}, here {ours}; start both with the same experiment file and run"
+                ),
                 throttle_duration_sec=10.0,
             )
         return not different
@@ -177,36 +210,55 @@ class ExpertPlayerNode(NetworkNode):
     def _play(self) -> None:
         """Send what is due and permitted, then set the timer to the next due time."""
         now = time.monotonic()
-        for learner, stream in self._streams.items():
-            while stream.open and not self._paused and (due := self._due(learner)) <= now:
-                self._publish(learner, stream.mark_sent(now, due))
+        for learner, iteration in islice(self.playback.due(now), BATCH):
+            self._publish(learner, iteration)
+        for learner, stream in self.playback.streams.items():
             self._report_holding_back(learner, stream)
-        self.done = all(stream.finished for stream in self._streams.values())
+        self.control.look()
+        if self.playback.finished and not self.done and not self._value("stay"):
+            self._end()
         self._set_timer(now)
 
-    def _due(self, learner: str) -> float:
-        return self._streams[learner].due_at(partial(self._gap, learner))
-
-    def _gap(self, learner: str, iteration: int) -> float:
-        """Seconds from demonstration ``iteration`` - 1 to ``iteration`` at the present speed."""
-        hz = self._value("hz")
-        if hz > 0:
-            return 1.0 / hz
-        recorded = self._bag.time(learner, iteration) - self._bag.time(learner, iteration - 1)
-        return recorded / NANOSECONDS / self._value("rate")
+    def _end(self) -> None:
+        """Everything is played; what is under way to listeners may be waited for."""
+        patience = self._value("wait_for_all_acked")
+        if patience >= 0:
+            for learner, publisher in self._publishers_by_learner.items():
+                if not publisher.wait_for_all_acked(Duration(seconds=patience)):
+                    self.get_logger().warning(f"{learner}: not all who listen had everything after {patience:g} s")
+        self.done = True
+        self._publish_standing()
 
     def _set_timer(self, now: float) -> None:
         """Wake up when the next demonstration is due; long after where only a learner's status can open a stream.
 
         The timer is never cancelled: an executor that has just found it ready would fail to call it.
         """
-        open_streams = [] if self._paused else [name for name, stream in self._streams.items() if stream.open]
-        pause = min((self._due(name) - now for name in open_streams), default=IDLE)
+        wait = self.playback.next_wait(now)
+        pause = wait.seconds if wait else IDLE
+        if self.playback.owed:
+            pause = min(pause, STEP_LOOK)
+        elif pause > 0:
+            for name, stream in self.playback.streams.items():
+                self._ahead[name].fill(stream.sent, stream.total)
+        if wait and wait.seconds > LONG_WAIT:
+            self._report_long_wait(wait.learner, wait.seconds)
         self._timer.timer_period_ns = max(1, int(min(pause, IDLE) * NANOSECONDS))
         self._timer.reset()
 
+    def _report_long_wait(self, learner: str, pause: float) -> None:
+        """Once for each gap: a night in the recording looks like a player that hangs."""
+        following = self.playback.streams[learner].sent + 1
+        if (learner, following) not in self._long_waits:
+            self._long_waits.add((learner, following))
+            recorded = self.playback.gap(learner, following)
+            self._tell(
+                f"{learner}: demonstration {following} was recorded {recorded:.0f} s after the one before and comes in"
+                f" {pause:.0f} s; play_next steps over such gaps while paused, max_gap shortens them"
+            )
+
     def _publish(self, learner: str, iteration: int) -> None:
-        message = self._bag.message(learner, iteration)
+        message = self._ahead[learner].take(iteration)
         message.experiment_digest = self._experiment_digest
         self._publishers_by_learner[learner].publish(message)
 
@@ -222,67 +274,61 @@ class ExpertPlayerNode(NetworkNode):
             self._held_back.remove(learner)
             self.get_logger().info(f"{learner} caught up to {stream.acknowledged}")
 
-    def _publish_diagnostics(self) -> None:
+    def _tell(self, words: str) -> None:
+        """Tell people what was done, in the log and in the status."""
+        self.answers, self.answer = self.answers + 1, words
+        self.get_logger().info(words)
+        self._publish_standing()
+
+    def _publish_standing(self) -> None:
         stamp = time_message(self.get_clock().now().nanoseconds)
-        message = playing_diagnostic(self.get_name(), self._streams, stamp, paused=self._paused)
+        paused = self.playback.clock.paused
+        message = playing_diagnostic(self.get_name(), self.playback.streams, stamp, paused=paused)
         self._diagnostics_publisher.publish(message)
+        self._status_publisher.publish(self.status())
+
+    def status(self) -> PlayerStatus:
+        """Where it is, as it publishes it."""
+        status = player_status(self.playback, time.monotonic())
+        status.stamp = time_message(self.get_clock().now().nanoseconds)
+        status.experiment_digest = self._experiment_digest
+        status.playing = not (self.playback.finished or self.done)
+        status.answers, status.answer = self.answers, self.answer
+        return status
+
+    def _publish_clock(self) -> None:
+        """Recorded time to /clock, as often as asked for."""
+        frequency = self._value("clock")
+        if frequency == 0:
+            return
+        publisher = self.create_publisher(ClockMessage, "/clock", 1)
+
+        def publish() -> None:
+            publisher.publish(ClockMessage(clock=time_message(self.playback.position(time.monotonic()))))
+
+        self.create_timer(1 / frequency, publish)
 
     def _on_parameters(self, parameters: list[Parameter]) -> None:
-        """A new rate or hz holds from the next demonstration on."""
-        if {parameter.name for parameter in parameters} & {"rate", "hz"}:
+        """A new rate or hz holds at once."""
+        values = {parameter.name: float(parameter.value) for parameter in parameters if parameter.name in SPEEDS}
+        if "rate" in values:
+            self.playback.clock.set_rate(values["rate"], time.monotonic())
+        if "hz" in values:
+            self.playback.hz = values["hz"]
+        if values:
+            self._tell(", ".join(f"{name} {value:g}" for name, value in values.items()))
             self._play()
 
-    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        self._paused = request.data
-        self._play()
-        response.success, response.message = True, "paused" if self._paused else "playing"
-        return response
-
-    def _on_play_next(self, request: PlayNext.Request, response: PlayNext.Response) -> PlayNext.Response:
-        if not self._paused:
-            response.message = "expected a paused player; call pause with data: true first"
-            return response
-        now, sent = time.monotonic(), 0
-        for learner, stream in self._streams.items():
-            before = stream.sent
-            while stream.open and stream.sent < before + request.count:
-                self._publish(learner, stream.mark_sent(now, now))
-            sent += stream.sent - before
-        response.success, response.message = True, f"published {sent} demonstrations"
-        return response
-
     def _on_resend(self, request: Resend.Request, response: Resend.Response) -> Resend.Response:
-        stream = self._streams.get(request.learner)
+        stream = self.playback.streams.get(request.learner)
         if stream is None or not 1 <= request.iteration <= stream.sent:
-            sent = {name: stream.sent for name, stream in self._streams.items()}
+            sent = {name: stream.sent for name, stream in self.playback.streams.items()}
             learner = truncate(request.learner)
             response.message = f"{learner!r} iteration {request.iteration}: expected one of those sent, {sent}"
             return response
         self._publish(request.learner, request.iteration)
         response.success, response.message = True, "published again"
         return response
-
-
-HELP = """Stream recorded demonstrations, each learner's to that learner alone.
-
-usage: mabirds-expert-player --ros-args -p experiment:=FILE [-p PARAMETER:=VALUE ...]
-
-example: mabirds-expert-player --ros-args -p experiment:=ros_ws/config/patrol.yaml -p rate:=10.0
-
-parameters:
-  experiment      path of the experiment file (YAML)
-  run             name of this run; learners of other runs get nothing ("")
-  baseline        a central method that learns in the learners' place, such as bics ("")
-  bag             bag to play; empty: the experiment's
-  bag_digest      digest of the demonstrations that it must hold, such as a manifest names; empty: any ("")
-  rate            speed, as a multiple of the recorded timing (1.0); may change while it runs
-  hz              demonstrations per second; 0: the recorded timing times rate (0.0); may change while it runs
-  max_in_flight   demonstrations ahead of what a learner has learned (16)
-
-services: ~/pause (std_srvs/SetBool), ~/play_next, ~/resend (mabirds_msgs)
-
-It ends when everything is learned, or on SIGINT or SIGTERM.
-Exit codes: 0 finished or ended as asked, 2 wrong experiment, bag or parameter."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -8,10 +8,11 @@ from itertools import pairwise
 
 @dataclass
 class Stream:
-    """Demonstrations 1..total of one learner.
+    """Demonstrations ``first`` to ``total`` of one learner.
 
     Lossless by construction: never more than ``max_in_flight`` demonstrations beyond ``acknowledged``, the newest one
-    that the learner says it has learned. Times are seconds of a steady clock.
+    that the learner says it has learned. Where nobody learns, ``looked_at`` says whether to play to listeners.
+    Due times are seconds of recorded time as it is played (``PlayClock``), sending times seconds of a steady clock.
     """
 
     total: int
@@ -21,36 +22,81 @@ class Stream:
     ready: bool = False
     last_due: float | None = None
     last_sent_at: float = 0.0
+    first: int = 1
+    looked_at: bool = False
+    at_once: int = 0
+    """Up to this one demonstrations are due at once: what a learner needs before the place where playing began."""
+    appointed: float | None = None
+    """When the next one is due, after a seek."""
 
     @property
     def finished(self) -> bool:
-        """Has the learner acknowledged everything?"""
-        return self.acknowledged >= self.total
+        """Has the learner acknowledged everything, or has everything been sent to those who only look?"""
+        return self.acknowledged >= self.total or (self.only_looked_at and self.sent >= self.total)
+
+    @property
+    def only_looked_at(self) -> bool:
+        """Does nobody learn from it, and is it played to listeners?"""
+        return self.looked_at and not self.ready
 
     @property
     def held_back(self) -> bool:
         """Is there something to send that the learner is not ready to take?"""
-        return self.sent < self.total and self.sent >= self.acknowledged + self.max_in_flight
+        return self.ready and self.sent < self.total and self.sent >= self.acknowledged + self.max_in_flight
 
     @property
     def open(self) -> bool:
         """May the next demonstration be sent, as far as the learner is concerned?"""
-        return self.ready and self.sent < self.total and not self.held_back
+        return (self.ready or self.looked_at) and self.sent < self.total and not self.held_back
 
     def acknowledge(self, iteration: int) -> None:
         """The learner has learned everything up to ``iteration``.
 
-        Also where a player takes up after its own restart, and, where the number falls, after the learner's.
+        Also where a player takes up after its own restart, and, where the number falls, after the learner's. A learner
+        that is heard for the first time gets at once what was played, or left out, before.
         """
+        if not self.ready:
+            self.at_once, self.sent = max(self.at_once, self.sent, self.first - 1), 0
         self.ready = True
         self.acknowledged = min(iteration, self.total)
         self.sent = max(self.sent, self.acknowledged)
 
-    def due_at(self, gap: Callable[[int], float]) -> float:
-        """When the next demonstration is due; ``gap(n)``: seconds between demonstrations n - 1 and n."""
-        return 0.0 if self.last_due is None else self.last_due + gap(self.sent + 1)
+    def begin(self, first: int, total: int) -> None:
+        """Play a part; a learner gets at once what it needs before it.
 
-    def mark_sent(self, now: float, due: float) -> int:
+        Parameters
+        ----------
+        first : int
+            Its first demonstration.
+        total : int
+            Its last one.
+        """
+        self.first, self.total, self.last_due, self.appointed = first, total, None, None
+        self.jump(first)
+
+    def jump(self, iteration: int, appointed: float | None = None) -> None:
+        """Go on with a demonstration: listeners miss what is between, a learner gets it at once.
+
+        Parameters
+        ----------
+        iteration : int
+            The next one.
+        appointed : float, optional
+            When it is due; else as after the one before.
+        """
+        if self.ready:
+            self.at_once = max(self.at_once, iteration - 1)
+        else:
+            self.sent = iteration - 1
+        self.appointed = appointed
+
+    def due_at(self, gap: Callable[[int], float]) -> float:
+        """When the next demonstration is due; ``gap(n)``: recorded seconds between demonstrations n - 1 and n."""
+        if self.sent < self.at_once or (self.last_due is None and self.appointed is None):
+            return 0.0
+        return self.appointed if self.appointed is not None else (self.last_due or 0.0) + gap(self.sent + 1)
+
+    def mark_sent(self, now: float, due: float, at: float, tolerance: float) -> int:
         """Count the next demonstration as sent.
 
         A demonstration that was late because it was held back shifts the ones after it: no burst makes up for it.
@@ -58,18 +104,24 @@ class Stream:
         Parameters
         ----------
         now : float
-            The present time.
+            Recorded seconds played.
         due : float
-            When the demonstration was.
+            When the demonstration was, in these.
+        at : float
+            Seconds of the steady clock.
+        tolerance : float
+            Recorded seconds of lateness that are made up for.
 
         Returns
         -------
         int
             Its number.
         """
-        late = self.last_due is None or now - due > JITTER_TOLERANCE
+        late = (self.last_due is None and self.appointed is None) or now - due > tolerance
+        if self.sent >= self.at_once:
+            self.appointed = None
         self.last_due = now if late else due
-        self.last_sent_at = now
+        self.last_sent_at = at
         self.sent += 1
         return self.sent
 
@@ -79,7 +131,7 @@ class Stream:
         Parameters
         ----------
         now : float
-            The present time.
+            Seconds of the steady clock.
         patience : float
             Seconds since it was sent.
 

@@ -9,7 +9,7 @@ from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_core.games.patrol.settings import PatrolSettings
 from mabirds_core.games.tabular.experts import OptimalExperts
 from mabirds_core.planners.occupancy import rollouts
-from mabirds_expert_player.player_node import HELP
+from mabirds_expert_player.player_help import HELP
 
 
 def test_the_program_says_what_it_takes_and_refuses_to_play_nothing() -> None:

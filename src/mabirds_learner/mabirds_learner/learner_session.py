@@ -3,6 +3,7 @@
 How it mixes with its neighbours, and whom it waits for, is its member's: strict_member or push_sum_member.
 """
 
+import logging
 from collections.abc import Mapping
 from typing import Generic, TypeVar
 
@@ -28,6 +29,12 @@ MIXED_FROM = "mixed_from"
 
 LIKELIHOOD = "held_out_log_likelihood"
 """Name of the metric, in nats, of the demonstration that an update is about to learn from."""
+
+CERTIFICATE = "certificate"
+"""Name of the metric, in nats, that says by how much the planner missed its own problem."""
+
+MOST_NATS = 0.1
+"""Of a certificate; beyond that the problem is not solved."""
 
 AMember = TypeVar("AMember", bound=Member)
 
@@ -128,6 +135,7 @@ class LearnerSession(SessionState, Generic[AMember]):
             self.member.state = result.state
             metrics = {f"gradient_{name}": value for name, value in norms(result.gradient).items()}
             metrics |= self._likelihood(result.estimate.policy, self._demonstrations[n])
+            metrics |= self._certificate(result.estimate.policy)
         self.mixed_from = list(incoming)
         self.member.close_iteration(n)
         self._close_iteration(n)
@@ -149,6 +157,18 @@ class LearnerSession(SessionState, Generic[AMember]):
             return None
         confidences: Vector | None = judge.constraint_confidences(self.learner.estimator.reward, self.parameters, shown)
         return confidences
+
+    def _certificate(self, policy: Policy) -> dict[str, float]:
+        """By how much the planner's value is missed by its own policy [nats]; nothing where the game has none."""
+        judge = getattr(self.learner.game, "judge", None)
+        nats = None if judge is None else judge.certificate(policy, self.learner.seed)
+        if nats is not None and nats > MOST_NATS:
+            logging.getLogger(__name__).warning(
+                "iteration %d: the planner's value is %.3g nats from what its policy earns, expected at most %g: costs"
+                " or rewards are too large for it; take a higher algorithm.policy.temperature",
+                *(self.iteration - 1, nats, MOST_NATS),
+            )
+        return {} if nats is None else {CERTIFICATE: nats}
 
     def _on_join(self) -> None:
         """What others learned before this learner joined is not its to learn."""

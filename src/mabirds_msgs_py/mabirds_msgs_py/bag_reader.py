@@ -1,79 +1,50 @@
-"""Reading demonstrations from rosbag2 MCAP bags: verified when opened, then read through the index."""
+"""Reading demonstrations from rosbag2 MCAP bags as people have them, verified when opened.
 
-import io
+Iteration numbers decide, not the order of files, messages or times. docs/player.md says which bags are read.
+"""
+
 import struct
-import zlib
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, suppress
+from collections.abc import Iterator, Sequence
+from functools import partial
+from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple, Self, TypeVar
+from typing import Any, Self
 
-import lz4.frame  # type: ignore[import-untyped]
-import zstandard
 from mabirds_msgs.msg import Demonstration
-from mcap.exceptions import McapError
-from mcap.reader import McapReader, make_reader
-from mcap.records import Channel, Chunk, ChunkIndex, Footer, McapRecord, Message
-from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
+from mcap.records import Channel, Schema
 from rclpy.serialization import deserialize_message
 
 from mabirds_core.errors import RefusedMessageError
 from mabirds_core.games.interface import ConstrainedMarkovGame, Trajectories
 from mabirds_core.texts import sanitize, truncate
-from mabirds_core.yaml_files import read_yaml
+from mabirds_msgs_py.bag_files import bag_files
+from mabirds_msgs_py.bag_pass import MAX_LIST, REMEDY, message_data, read_file
 from mabirds_msgs_py.conversion import read_demonstration
+from mabirds_msgs_py.demonstration_head import DemonstrationHead, demonstration_head
+from mabirds_msgs_py.demonstration_spool import Place, Spool
 from mabirds_msgs_py.errors import BagError
 from mabirds_msgs_py.interfaces import type_hash, type_name
+from mabirds_msgs_py.mcap_scan import Found, McapScan
 from mabirds_msgs_py.topics import bag_topic
-
-DAMAGE = (
-    McapError,
-    CRCValidationError,
-    zstandard.ZstdError,
-    RuntimeError,
-    struct.error,
-    ValueError,
-    KeyError,
-    EOFError,
-    OverflowError,
-    OSError,
-)
-"""What the readers raise on damaged files (lz4: RuntimeError; UnicodeDecodeError is a ValueError)."""
-
-MAX_CHUNK = 64 * 2**20
-"""Bytes of a chunk's content: a few compressed bytes can stand for gigabytes. Usual chunks have less than one."""
-
-CHUNK_OVERHEAD = 49
-"""Bytes of a chunk's record beside its data and the name of their compression."""
-
-MAX_LIST = 1000
-"""Characters of what an error says about the topics of a file."""
-
-REMEDY = "the file is damaged or was not closed; fetch it again or record it anew"
 
 OTHER_GAME = "the bag is of another game, or of a version before: record it anew, or name the bag of this game"
 
-Result = TypeVar("Result")
-
-
-class _Place(NamedTuple):
-    """Where a demonstration is: file and log time (nanoseconds)."""
-
-    file: Path
-    time: int
+CHECKED_AT_ONCE = 1000
+"""Demonstrations of each learner whose transitions are checked when a bag is opened; the rest when they are read."""
 
 
 class DemonstrationBag:
-    """The demonstrations of several learners in one bag.
+    """The demonstrations of several learners in one bag, or in several that belong together.
 
-    Opening reads everything once: checksums, types, iteration numbers 1, 2, ... without a gap, and every
-    transition against the game. To be closed, or used in a ``with`` statement.
+    Opening reads every chunk that holds demonstrations once: checksums, types, games, iteration numbers 1, 2, ...
+    without a gap, and the first transitions. Exact repetitions are dropped. To be closed, or used in a ``with``
+    statement.
 
     Parameters
     ----------
-    directory : Path
-        Of the bag.
+    bags : Path or Sequence[Path]
+        Directories or files; several where learners or times are in bags of their own.
     game : ConstrainedMarkovGame
         Of the demonstrations.
     learners : Sequence[str]
@@ -88,13 +59,21 @@ class DemonstrationBag:
     """
 
     def __init__(
-        self, directory: Path, game: ConstrainedMarkovGame, learners: Sequence[str], at_least: int = 1
+        self, bags: Path | Sequence[Path], game: ConstrainedMarkovGame, learners: Sequence[str], at_least: int = 1
     ) -> None:
+        self._bags = [bags] if isinstance(bags, Path) else list(bags)
         self._game, self._at_least = game, at_least
-        with ExitStack() as files:
-            self._readers = {file: _open(file, files) for file in _files(directory)}
-            self._places = {learner: self._index(directory, learner) for learner in learners}
-            self._open_files = files.pop_all()
+        self._files = [file for bag in self._bags for file in bag_files(bag)]
+        self._spools = {learner: Spool() for learner in learners}
+        self._counts = Counter[str]()
+        try:
+            for number in range(len(self._files)):
+                self._take(number)
+            for learner, spool in self._spools.items():
+                self._put_in_order(learner, spool)
+        except BaseException:
+            self.close()
+            raise
 
     def __enter__(self) -> Self:
         return self
@@ -103,12 +82,13 @@ class DemonstrationBag:
         self.close()
 
     def close(self) -> None:
-        """Close the files; nothing can be read afterwards."""
-        self._open_files.close()
+        """Give the temporary files back; nothing can be read afterwards."""
+        for spool in self._spools.values():
+            spool.close()
 
     def count(self, learner: str) -> int:
         """How many demonstrations the learner has."""
-        return len(self._places[learner])
+        return len(self._spools[learner])
 
     def time(self, learner: str, iteration: int) -> int:
         """When a demonstration was recorded.
@@ -125,10 +105,10 @@ class DemonstrationBag:
         int
             Nanoseconds since the epoch.
         """
-        return self._places[learner][iteration - 1].time
+        return self._spools[learner].place(iteration - 1).time
 
     def message(self, learner: str, iteration: int) -> Demonstration:
-        """Read a demonstration through the file's index.
+        """A demonstration as it was recorded.
 
         Parameters
         ----------
@@ -140,194 +120,130 @@ class DemonstrationBag:
         Returns
         -------
         Demonstration
-            As recorded.
+            Of this game.
 
         Raises
         ------
         BagError
-            It has gone since the bag was opened.
+            It is no trajectory of the game.
         """
-        place = self._places[learner][iteration - 1]
-        for message, _ in self._messages(place.file, bag_topic(learner), place.time):
-            if message.iteration == iteration:
-                return message
-        raise BagError(
-            f"{place.file}: topic {bag_topic(learner)}: iteration {iteration} has gone since the bag was opened"
-        )
+        return self._checked(learner, iteration)[0]
 
     def trajectories(self, learner: str) -> Iterator[Trajectories]:
         """All demonstrations of one learner, in order."""
         for iteration in range(1, self.count(learner) + 1):
-            yield read_demonstration(self._game, learner, self.message(learner, iteration))
+            yield self._checked(learner, iteration)[1]
 
-    def _index(self, directory: Path, learner: str) -> list[_Place]:
-        topic, places = bag_topic(learner), list[_Place]()
-        for file in self._readers:
-            for message, time in self._messages(file, topic):
-                where = f"{file}: topic {topic}: iteration {message.iteration}"
-                if message.iteration != len(places) + 1:
-                    raise BagError(f"{where}: expected iteration {len(places) + 1}; record the bag anew")
-                try:
-                    read_demonstration(self._game, learner, message)
-                except RefusedMessageError as error:
-                    remedy = f"; {OTHER_GAME}" if error.reason == "wrong_game" else ""
-                    raise BagError(f"{where}: {error}{remedy}") from None
-                places.append(_Place(file, time))
-        if len(places) < self._at_least:
+    def _checked(self, learner: str, iteration: int) -> tuple[Demonstration, Trajectories]:
+        spool, index = self._spools[learner], iteration - 1
+        where = self._where(learner, spool.place(index).file, iteration)
+        message = _deserialized(spool.data(index), where)
+        try:
+            # A bag recorded from the network names the experiment that was played then; any may learn from it.
+            return message, read_demonstration(self._game, learner, message, message.experiment_digest)
+        except RefusedMessageError as error:
+            raise BagError(f"{where}: {error}") from None
+
+    def _where(self, learner: str, file: int, iteration: int) -> str:
+        return f"{self._files[file]}: topic {bag_topic(learner)}: iteration {iteration}"
+
+    def _take(self, number: int) -> None:
+        """Copy the demonstrations of one file."""
+        file, topics = self._files[number], {bag_topic(learner): learner for learner in self._spools}
+
+        def take(found: Found, _: McapScan) -> None:
+            learner, data = topics[found.channel.topic], message_data(found.data)
+            head = self._head(number, learner, data)
+            self._spools[learner].add(head.iteration, data, Place(number, found.time))
+
+        self._counts.update(read_file(file, topics.__contains__, take, partial(_require_type, file)))
+
+    def _head(self, file: int, learner: str, data: bytes) -> DemonstrationHead:
+        """For whom a demonstration is and of what game, compared with what it must be."""
+        try:
+            head = demonstration_head(data)
+        except (ValueError, struct.error) as error:
+            raise _undecodable(f"{self._files[file]}: topic {bag_topic(learner)}", error) from None
+        where = self._where(learner, file, head.iteration)
+        if head.learner != learner:
+            raise BagError(f"{where}: learner {truncate(head.learner)!r}, expected {learner!r}; record the bag anew")
+        if head.game_digest != self._game.digest:
             raise BagError(
-                f"{directory}: topic {topic}: {len(places)} demonstrations, expected at least {self._at_least};"
-                " record more for these learners, or learn fewer"
+                f"{where}: game digest {truncate(head.game_digest)!r}, expected {self._game.digest!r}; {OTHER_GAME}"
             )
-        return places
+        return head
 
-    def _messages(self, file: Path, topic: str, time: int | None = None) -> Iterator[tuple[Demonstration, int]]:
-        """Messages of a topic with their log times; all, or those at one time."""
-        messages = self._readers[file].iter_messages(topics=topic, starting_at=time, ending_at=time)
-        while (record := _guarded(file, lambda: next(messages, None))) is not None:
-            schema, channel, message = record
-            _check_type(file, topic, schema, channel)
-            try:
-                yield deserialize_message(message.data, Demonstration), message.log_time
-            except Exception as error:  # noqa: BLE001 - each middleware raises its own kinds
-                raise BagError(f"{file}: topic {topic}: a message cannot be decoded ({error}); {REMEDY}") from None
+    def _put_in_order(self, learner: str, spool: Spool) -> None:
+        spool.sort()
+        self._drop_repetitions(learner, spool)
+        for expected, iteration in enumerate(spool.iterations, start=1):
+            if iteration != expected:
+                raise BagError(
+                    f"{self._where(learner, spool.place(expected - 1).file, iteration)}: expected iteration {expected};"
+                    " record the bag anew, or keep what is before it by `mabirds bag repair`"
+                )
+        self._require_enough(learner, len(spool))
+        for iteration in range(1, min(len(spool), CHECKED_AT_ONCE) + 1):
+            self._checked(learner, iteration)
+
+    def _drop_repetitions(self, learner: str, spool: Spool) -> None:
+        """Of demonstrations that are in the bag several times keep one; two that differ are an error."""
+        repeated = []
+        for index, (one, other) in enumerate(pairwise(spool.iterations), start=1):
+            if one != other:
+                continue
+            where = self._where(learner, spool.place(index).file, other)
+            if not _same(spool.data(index - 1), spool.data(index), where):
+                raise BagError(f"{where}: is there several times, with different content; record the bag anew")
+            repeated.append(index)
+        if repeated:
+            spool.drop(repeated)
+
+    def _require_enough(self, learner: str, count: int) -> None:
+        if count >= self._at_least:
+            return
+        bags, topic = ", ".join(map(str, self._bags)), bag_topic(learner)
+        words = f"{bags}: topic {topic}: {count} demonstrations, expected at least {self._at_least}"
+        if count:
+            raise BagError(f"{words}; record more for these learners, or learn fewer")
+        raise BagError(f"{words}; {_topics_there(self._counts)}; name a bag that has it, or record one")
 
 
-def _files(directory: Path) -> list[Path]:
-    """The bag's MCAP files in order."""
-    metadata = directory / "metadata.yaml"
+def _deserialized(data: bytes, where: str) -> Demonstration:
     try:
-        information = read_yaml(metadata)["rosbag2_bagfile_information"]
-        storage, names = information["storage_identifier"], information["relative_file_paths"]
-    except OSError as error:
-        raise BagError(f"{metadata}: cannot be read ({error.strerror}); give the directory of a rosbag2 bag") from None
-    except (ValueError, TypeError, KeyError) as error:
-        raise BagError(f"{metadata}: is not the metadata of a rosbag2 bag ({error})") from None
-    if storage != "mcap":
-        raise BagError(
-            f"{metadata}: storage {truncate(repr(storage))}, expected 'mcap'; convert the bag with `ros2 bag convert`"
-        )
-    if not _are_names(names):
-        raise BagError(
-            f"{metadata}: relative_file_paths {truncate(repr(names))}, expected different names of files beside it"
-        )
-    return [directory / name for name in names]
+        return deserialize_message(data, Demonstration)
+    except Exception as error:  # noqa: BLE001 - each middleware raises its own kinds
+        raise _undecodable(where, error) from None
 
 
-def _are_names(names: Any) -> bool:
-    """A list of different names of files, none of them elsewhere?"""
-    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        return False
-    return len(set(names)) == len(names) and all(name == Path(name).name and "\0" not in name for name in names)
+def _undecodable(where: str, error: Exception) -> BagError:
+    return BagError(f"{where}: a message cannot be decoded ({sanitize(str(error))}); {REMEDY}")
 
 
-class _BoundedFile(io.BufferedReader):
-    """A file that makes room for no more than it has, whatever length a damaged record claims."""
-
-    def __init__(self, file: Path) -> None:
-        super().__init__(io.FileIO(file))
-        self._size = file.stat().st_size
-
-    def read(self, size: int | None = -1, /) -> bytes:
-        """Read as from every file, but never ask for more than it has."""
-        return super().read(size if size is None else min(size, self._size))
+def _same(one: bytes, other: bytes, where: str) -> bool:
+    """Bytes between fields may differ, and so may the network that a demonstration was played to."""
+    if one == other:
+        return True
+    messages = [_deserialized(data, where) for data in (one, other)]
+    for message in messages:
+        message.experiment_digest = ""
+    return bool(messages[0] == messages[1])
 
 
-def _open(file: Path, files: ExitStack) -> McapReader:
-    """A reader of a verified file, which ``files`` closes."""
-    try:
-        if not (file.is_file() or file.is_dir() or not file.exists()):
-            raise BagError(f"{file}: is no file but a pipe or device; name a bag of files")
-        stream = files.enter_context(_BoundedFile(file))
-    except OSError as error:
-        raise BagError(f"{file}: cannot be read ({error.strerror})") from None
-    _guarded(file, lambda: _verify(file))
-    return _guarded(file, lambda: make_reader(stream, validate_crcs=True))
-
-
-def _verify(file: Path) -> None:
-    """Read the whole file against the checksums of its chunks, data section and summary, and against its index."""
-    chunks, indexed, footer = list[int](), list[int](), Footer(0, 0, 0)
-    with _BoundedFile(file) as stream:
-        # To the very end, past the footer: the closing magic is checked after it.
-        for record in _records(stream):
-            if isinstance(record, Chunk):
-                chunks.append(stream.tell() - CHUNK_OVERHEAD - len(record.compression) - len(record.data))
-            elif isinstance(record, ChunkIndex):
-                indexed.append(record.chunk_start_offset)
-            elif isinstance(record, Footer):
-                footer = record
-        if stream.read(1):
-            raise McapError("bytes after the end of the file")
-        if indexed and sorted(indexed) != chunks:
-            raise McapError("the index of its chunks differs from its chunks")
-        _verify_summary(stream, footer)
-
-
-def _verify_summary(stream: _BoundedFile, footer: Footer) -> None:
-    if footer.summary_start and footer.summary_crc:
-        stream.seek(footer.summary_start)
-        # The summary's checksum covers everything up to itself: 4 bytes of it and 8 of magic follow.
-        summary = stream.read()[:-12]
-        if zlib.crc32(summary) != footer.summary_crc:
-            raise McapError("the checksum of the summary differs")
-
-
-def _records(stream: _BoundedFile) -> Iterator[McapRecord]:
-    """All records; after each chunk those in it, whose size is looked at before there is room made for them."""
-    for record in StreamReader(stream, emit_chunks=True, validate_crcs=True).records:
-        yield record
-        if isinstance(record, Chunk):
-            if record.uncompressed_size > MAX_CHUNK or _declared_size(record) != record.uncompressed_size:
-                raise McapError(f"a chunk of {record.uncompressed_size} bytes that has another size, or is too large")
-            yield from breakup_chunk(record, validate_crc=True)
-
-
-def _declared_size(chunk: Chunk) -> int:
-    """Size of a chunk's content as its compressed data say; where they do not, as the chunk says."""
-    match chunk.compression:
-        case "zstd":
-            size = zstandard.frame_content_size(chunk.data)
-            return chunk.uncompressed_size if size < 0 else size
-        case "lz4":
-            return lz4.frame.get_frame_info(chunk.data)["content_size"] or chunk.uncompressed_size
-        case "":
-            return len(chunk.data)
-    raise McapError(f"compression {truncate(chunk.compression)!r}, expected zstd, lz4 or none")
-
-
-def _guarded(file: Path, read: Callable[[], Result]) -> Result:
-    try:
-        return read()
-    except DAMAGE as error:
-        raise BagError(f"{file}: {_reason(error)}; {_intact(file)}; {REMEDY}") from None
-
-
-def _reason(error: Exception) -> str:
-    if isinstance(error, KeyError):  # its text is the key alone
-        return f"{sanitize(str(error))} is named in it, and is not there"
-    return sanitize(str(error)) or type(error).__name__
-
-
-def _intact(file: Path) -> str:
-    """How far a damaged file can be read: the last intact iteration of each topic."""
-    topics, counts = dict[int, str](), Counter[str]()
-    with suppress(*DAMAGE), _BoundedFile(file) as stream:
-        for record in _records(stream):
-            if isinstance(record, Channel):
-                topics[record.id] = record.topic
-            elif isinstance(record, Message):
-                counts[topics[record.channel_id]] += 1
-    intact = [f"topic {sanitize(topic)}: iteration {counts[topic]}" for topic in sorted(counts)]
-    return "intact up to " + (truncate(", ".join(intact), MAX_LIST) or "no iteration of any topic")
-
-
-def _check_type(file: Path, topic: str, schema: Any, channel: Any) -> None:
+def _require_type(file: Path, channel: Channel, schema: Schema | None) -> None:
+    """Is it a demonstration? An unknown hash is empty or not there."""
     expected, expected_hash = type_name(Demonstration), type_hash(Demonstration)
     name = schema.name if schema else "no type"
-    given_hash = channel.metadata.get("topic_type_hash", expected_hash)
-    if (name, given_hash) != (expected, expected_hash):
+    given_hash = channel.metadata.get("topic_type_hash") or expected_hash
+    if (name, given_hash, channel.message_encoding) != (expected, expected_hash, "cdr"):
         raise BagError(
-            f"{file}: topic {topic}: type {sanitize(name)} ({sanitize(given_hash)}), expected {expected}"
-            f" ({expected_hash});"
+            f"{file}: topic {channel.topic}: type {sanitize(name)} ({sanitize(given_hash)},"
+            f" {sanitize(channel.message_encoding)}), expected {expected} ({expected_hash}, cdr);"
             " record the bag anew with this version"
         )
+
+
+def _topics_there(counts: Counter[Any]) -> str:
+    """The topics of a bag with the numbers of their messages."""
+    topics = [f"{sanitize(topic)} ({count})" for topic, count in sorted(counts.items())]
+    return f"the bag has {truncate(', '.join(topics), MAX_LIST) or 'no messages'}"

@@ -7,7 +7,7 @@ import shutil
 from collections import Counter
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import yaml
 from mcap.writer import CompressionType, Writer
@@ -29,6 +29,19 @@ QOS_LATCHED = """- history: keep_last
   liveliness_lease_duration: {sec: 9223372036, nsec: 854775807}
   avoid_ros_namespace_conventions: false
 """
+
+
+class TopicType(NamedTuple):
+    """The type of a topic's messages: its name, its hash or "", its definition and what that is written in."""
+
+    name: str
+    hash: str
+    definition: str
+    encoding: str = "ros2msg"
+
+
+def _topic_type(kind: type) -> TopicType:
+    return TopicType(type_name(kind), type_hash(kind), definition(kind))
 
 
 class _PlainDumper(yaml.SafeDumper):
@@ -66,7 +79,7 @@ class BagWriter:
             self._stream, chunk_size=CHUNK_SIZE, compression=CompressionType.ZSTD, enable_data_crcs=True
         )
         self._writer.start(profile="ros2", library=f"mabirds-{version('mabirds-msgs-py')}")
-        self._channels: dict[str, tuple[int, type]] = {}
+        self._channels: dict[str, tuple[int, TopicType]] = {}
         self._counts: Counter[str] = Counter()
         self._times: list[int] = []
 
@@ -94,28 +107,47 @@ class BagWriter:
             Nanoseconds since the epoch.
         """
         if topic not in self._channels:
-            self._channels[topic] = (self._register(topic, type(message)), type(message))
-        channel = self._channels[topic][0]
+            self._register(topic, _topic_type(type(message)))
+        self._append(topic, serialize_message(message), time)
+
+    def write_serialized(self, topic: str, kind: TopicType, data: bytes, time: int) -> None:
+        """Append a message that is serialised already.
+
+        Parameters
+        ----------
+        topic : str
+            Of the message.
+        kind : TopicType
+            Of the topic; that of its first message counts.
+        data : bytes
+            CDR.
+        time : int
+            Nanoseconds since the epoch.
+        """
+        if topic not in self._channels:
+            self._register(topic, kind)
+        self._append(topic, data, time)
+
+    def _append(self, topic: str, data: bytes, time: int) -> None:
         self._writer.add_message(
-            channel_id=channel,
+            channel_id=self._channels[topic][0],
             log_time=time,
             publish_time=time,
             sequence=self._counts[topic],
-            data=serialize_message(message),
+            data=data,
         )
         self._counts[topic] += 1
         self._times = [min([time, *self._times]), max([time, *self._times])]
 
-    def _register(self, topic: str, message_type: type) -> int:
-        schema = self._writer.register_schema(
-            name=type_name(message_type), encoding="ros2msg", data=definition(message_type).encode()
-        )
-        return self._writer.register_channel(
+    def _register(self, topic: str, kind: TopicType) -> None:
+        schema = self._writer.register_schema(name=kind.name, encoding=kind.encoding, data=kind.definition.encode())
+        channel = self._writer.register_channel(
             topic=topic,
             message_encoding="cdr",
             schema_id=schema,
-            metadata={"offered_qos_profiles": QOS_LATCHED, "topic_type_hash": type_hash(message_type)},
+            metadata={"offered_qos_profiles": QOS_LATCHED, "topic_type_hash": kind.hash},
         )
+        self._channels[topic] = (channel, kind)
 
     def close(self) -> None:
         """Finish the file, then write the metadata that makes the directory a bag."""
@@ -143,14 +175,14 @@ class BagWriter:
         }
 
     def _topic(self, name: str) -> dict[str, Any]:
-        message_type = self._channels[name][1]
+        kind = self._channels[name][1]
         return {
             "topic_metadata": {
                 "name": name,
-                "type": type_name(message_type),
+                "type": kind.name,
                 "serialization_format": "cdr",
                 "offered_qos_profiles": yaml.safe_load(QOS_LATCHED),
-                "type_description_hash": type_hash(message_type),
+                "type_description_hash": kind.hash,
             },
             "message_count": self._counts[name],
         }

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from mabirds_core.algorithm.parameters import MAX_PARAMETER, Parameters
 from mabirds_core.consensus.schedule import EdgeSchedule, End, require_size
 from mabirds_core.consensus.weights import Edge
+from mabirds_core.digest import arithmetic_differs
 from mabirds_core.errors import ImpossibleTrajectoryError, RefusedMessageError, ScheduleError
 from mabirds_core.games.interface import ConstrainedMarkovGame, Trajectories
 from mabirds_core.texts import sanitize, truncate
@@ -101,7 +102,7 @@ def read_demonstration(
     """
     _require("wrong_learner", "learner", message.learner, learner)
     if message.experiment_digest:
-        _require("wrong_experiment", "experiment digest", message.experiment_digest, experiment_digest)
+        require_experiment(message.experiment_digest, experiment_digest)
     _require("wrong_game", "game digest", message.game_digest, game.digest)
     arrays = []
     for name, columns in (("states", message.state_size), ("actions", message.action_size)):
@@ -229,7 +230,27 @@ def require_learner(message: Any, learner: str, experiment_digest: str) -> None:
         It is from somebody else.
     """
     _require("wrong_learner", "learner", message.learner, learner)
-    _require("wrong_experiment", "experiment digest", message.experiment_digest, experiment_digest)
+    require_experiment(message.experiment_digest, experiment_digest)
+
+
+def require_experiment(given: str, expected: str) -> None:
+    """Check that a message is from this run, and from a process that computes alike.
+
+    Parameters
+    ----------
+    given : str
+        Experiment digest of the message.
+    expected : str
+        Of the run.
+
+    Raises
+    ------
+    RefusedMessageError
+        It is from another run, or its sender's arithmetic is another.
+    """
+    if (difference := arithmetic_differs(given, expected)) is not None:
+        raise RefusedMessageError("wrong_arithmetic", difference)
+    _require("wrong_experiment", "experiment digest", given, expected)
 
 
 def arrays(message: ParametersMessage) -> Parameters:

@@ -9,7 +9,7 @@ from mabirds_core.arrays import Vector
 from mabirds_core.consensus.push_sum import RunningSum
 from mabirds_core.errors import RefusedMessageError
 from mabirds_core.texts import truncate
-from mabirds_msgs_py.conversion import floats
+from mabirds_msgs_py.conversion import floats, require_experiment
 
 MAX_SUM = 1e20
 """Sums over a million iterations of the largest parameters stay below this."""
@@ -76,10 +76,10 @@ def read_mass(
     RefusedMessageError
         It is not from this learner to this receiver in this network, or its numbers cannot be a sum.
     """
+    require_experiment(message.experiment_digest, experiment_digest)
     for reason, what, given, expected in (
         ("wrong_learner", "learner", message.learner, learner),
         ("wrong_learner", "receiver", message.receiver, receiver),
-        ("wrong_experiment", "experiment digest", message.experiment_digest, experiment_digest),
         ("wrong_schedule", "schedule digest", message.schedule_digest, schedule_digest),
     ):
         if given != expected:
@@ -138,9 +138,5 @@ def read_membership(message: Membership, experiment_digest: str) -> list[str]:
     RefusedMessageError
         It is for another network.
     """
-    if message.experiment_digest != experiment_digest:
-        raise RefusedMessageError(
-            "wrong_experiment",
-            f"experiment digest {truncate(message.experiment_digest)!r}, expected {experiment_digest!r}",
-        )
+    require_experiment(message.experiment_digest, experiment_digest)
     return list(message.members)

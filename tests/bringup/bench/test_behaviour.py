@@ -1,6 +1,7 @@
 """The behaviour benchmark: its parts by hand and by brute force, and the command on two games."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +11,17 @@ import pytest
 from bench_command import printed
 from games import central_differences, hallway, log_likelihoods, patrol, square
 
+from mabirds_bringup.bench.behaviour.constraint_rates import (
+    constraint_rates,
+    rates_by_level,
+    where_as_many_are_found,
+)
 from mabirds_bringup.bench.behaviour.counting import counting_scores
 from mabirds_bringup.bench.behaviour.draw import HELD_OUT, draw, random_kind, with_paper_steps
-from mabirds_bringup.bench.behaviour.report import bootstrap_interval, by_problem, constraint_rates, methods_table
+from mabirds_bringup.bench.behaviour.misses import missed, reason
+from mabirds_bringup.bench.behaviour.report import bootstrap_interval, by_problem, methods_table
 from mabirds_bringup.bench.behaviour.report import targets as targets_of
-from mabirds_bringup.bench.behaviour.trial import COUNTING, MABIRDS, PAPER, run_trial, tabular_game
+from mabirds_bringup.bench.behaviour.trial import COUNTING, LEVELS, MABIRDS, PAPER, run_trial, tabular_game
 from mabirds_bringup.bench.pooled import policy_of, pooled_loss, pooled_optimum
 from mabirds_core.arrays import Vector
 from mabirds_core.errors import ExperimentError
@@ -95,7 +102,9 @@ def row(method: str = MABIRDS, seed: int = 1, learner: str = "learner_1", **chan
     common = {"seed": seed, "experts": 2, "learners": 2, "schedule": "static", "demonstrations": 40}
     optima = {"pooled_nats": -9.0, "pooled_best_nats": -8.0}
     measured = dict.fromkeys(behaviour) if method == COUNTING else behaviour
-    return {**common, **optima, "method": method, "learner": learner, **measured, **constraints, **changes}
+    content = {**common, **optima, "method": method, "learner": learner, **measured, **constraints, **changes}
+    at_any_level = {f"{count}_at": [content[count]] * len(LEVELS) for count in ("called", "false", "found")}
+    return {**at_any_level, **content}
 
 
 def test_the_worst_learner_of_a_problem_counts_in_every_measure() -> None:
@@ -125,6 +134,32 @@ def test_rates_of_constraints_are_over_all_learners() -> None:
     assert own["found"] == pytest.approx(8 / 10)
     assert own["auc"] == pytest.approx(0.8)
     assert (counting["false_discovery_rate"], counting["found"]) == (0, 1)
+
+
+def test_rates_at_every_level_are_over_all_learners() -> None:
+    """The lower the level, the more are called: all from 0.1, less and less up to 0.99."""
+    called, found = list(range(22, 0, -2)), list(range(11, 0, -1))
+    own = row(decidable=11, called_at=called, found_at=found, false_at=[1] * len(LEVELS))
+    counting = row(COUNTING, called=10, decidable=11, found=5, false=3)
+    made_up = pl.DataFrame([own, {**own, "learner": "learner_2"}, counting], infer_schema_length=None)
+    levels = rates_by_level(made_up).filter(method=MABIRDS).to_dicts()
+    assert [level["level"] for level in levels] == list(LEVELS)
+    assert [level["called"] for level in levels] == [2 * count for count in called]
+    assert [level["found"] for level in levels] == pytest.approx([count / 11 for count in found])
+    assert [level["false_discovery_rate"] for level in levels] == pytest.approx([1 / count for count in called])
+    as_many = where_as_many_are_found(made_up)
+    assert as_many is not None
+    assert as_many["level"] == 0.7
+    assert where_as_many_are_found(made_up.with_columns(found=pl.lit(11), found_at=pl.lit([0] * 11))) is None
+
+
+def test_a_miss_is_explained_by_its_worst_iterate() -> None:
+    late = {"learner": "learner_1", "worst_iteration": 33, "worst_violation": 0.01, "worst_too_late": 0.2}
+    assert reason(late) == "learner_1 at iteration 33: comes too late in 20.0% of its trajectories"
+    assert "violates in 30.0%" in reason({**late, "worst_violation": 0.3})
+    rows = [row(**late, late_minimum=0.79, game="map"), row(**{**late, "learner": "b"}, late_minimum=0.9, game="map")]
+    (only,) = missed(pl.DataFrame([*rows, row(**late, seed=2, game="map")]), 0.99, 0.98)
+    assert (only["seed"], only["learner"], only["late_minimum"], only["map"]) == (1, "learner_1", 0.79, "map")
 
 
 def targets(*changed: dict[str, Any]) -> dict[str, tuple[float, bool]]:
@@ -252,7 +287,8 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, An
 
 def test_the_command_writes_a_report(report: tuple[Path, dict[str, Any]]) -> None:
     directory, content = report
-    files = {"results.parquet", "summary.json", "report.md", "report.html", "curves.png"}
+    pictures = {"curves.png", "constraints.png", *(f"miss_{miss['seed']}.png" for miss in content["misses"])}
+    files = {"results.parquet", "summary.json", "report.md", "report.html", *pictures}
     assert {file.name for file in directory.iterdir()} == files
     assert content == json.loads((directory / "summary.json").read_text(encoding="utf-8"))
     assert content["seeds"] == [6, 7]
@@ -283,3 +319,5 @@ def test_misses_are_shown_with_their_map(report: tuple[Path, dict[str, Any]]) ->
     assert content["misses"], "two demonstrations suffice nobody"
     for miss in content["misses"]:
         assert draw(miss["seed"], "patrol", 2).experiment.game.map.split("\n")[2] in text
+        assert re.fullmatch(r"learner_\d at iteration \d+: (violates|comes too late) in [\d.]+% of .*", miss["reason"])
+        assert miss["reason"] in text

@@ -129,7 +129,7 @@ def test_the_discrete_study_has_all_methods_and_all_variations() -> None:
     optimal = by_label(study, "optimal").values()
     assert {case.experiment.demonstrations.experts for case in optimal} == {"optimal"}
     tolerances = [case.experiment.baselines.ftl.tolerance for case in by_label(study, "tolerances").values()]
-    assert tolerances[2:6] == [4.0, 2.0, 1.0, 0.5]
+    assert tolerances[2:7] == [2.0, 1.0, 0.5, 0.2, 0.1]
     assert starts == ["demonstration", "initial"]
     for name in ("main", "many_starts"):  # the paper's game has 77
         assert build_game(study.experiments[name]).true_constraints.sum() >= 77

@@ -197,7 +197,7 @@ def test_nodes_do_not_outlive_a_killed_run(slow_run: Any) -> None:
         (("run", "x", "--rate", "-1"), "--rate"),
         (("simulate", "odd.yaml"), "odd.yaml: expected the settings of an experiment, found list"),
         (("record", "experiment/experiment.yaml"), "bag: exists already"),
-        (("bag", "check", "experiment/experiment.yaml", "--bag", "nowhere"), "nowhere/metadata.yaml: cannot be read"),
+        (("bag", "check", "nowhere"), "nowhere: is not there; give the directory of a rosbag2 bag"),
         (("inspect", "--json"), "--json prints one object and needs --once"),
     ],
 )
@@ -214,7 +214,7 @@ def test_bad_input_is_one_message_and_exit_code_2(
 
 def test_record_makes_the_bag_of_the_experiment(file: Path, tmp_path: Path) -> None:
     assert mabirds("record", file, "--bag", "again", cwd=tmp_path).returncode == 0
-    result = mabirds("bag", "check", file, "--bag", "again", "--json", cwd=tmp_path)
+    result = mabirds("bag", "check", "again", "--experiment", file, "--json", cwd=tmp_path)
     assert json.loads(result.stdout)["demonstrations"] == {"learner_1": 8, "learner_2": 8}
 
 

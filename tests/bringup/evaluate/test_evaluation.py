@@ -94,6 +94,7 @@ def test_the_summary_names_what_it_holds(learned: Learned, content: dict[str, An
             "success_late_minimum",
             "success_stays_from_iteration",
             "held_out_log_likelihood",
+            "certificate",
             "occupancy_distance",
             "false_positive_rate",
             "false_negative_rate",

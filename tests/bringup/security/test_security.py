@@ -100,7 +100,7 @@ def test_those_who_watch_publish_nothing_of_the_network(line: Experiment) -> Non
 
 def test_a_central_method_takes_the_learners_place(line: Experiment) -> None:
     processes = by_enclave(Policy(line, method="ftl"))
-    assert set(processes) == {"/ftl", "/expert_player", "/monitor", "/inspector"}
+    assert set(processes) == {"/ftl", "/expert_player", "/monitor", "/inspector", "/player_client"}
     assert processes["/ftl"].subscribe == tuple(f"/{name}/demonstration" for name in line.learners)
     assert processes["/expert_player"].subscribe == ("/ftl/status",)
 

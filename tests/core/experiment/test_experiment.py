@@ -9,6 +9,7 @@ import yaml
 from experiments import SETTINGS, changed, experiment
 from pydantic import ValidationError, create_model
 
+from mabirds_core.arithmetic import arithmetic
 from mabirds_core.consensus.generators import alternating_ring, complete_edges, ring_edges, static
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.file import Experiment, load_experiment
@@ -254,8 +255,8 @@ def test_an_option_of_a_method_that_no_learner_uses_changes_no_digest() -> None:
 
 
 def test_digests_say_of_which_format_they_are() -> None:
-    assert experiment().digest.startswith("v3-")
-    assert experiment().run_digest("monday").startswith("v3-")
+    assert experiment().digest.startswith(f"v4-{arithmetic()}-")
+    assert experiment().run_digest("monday").startswith(f"v4-{arithmetic()}-")
 
 
 def test_the_digest_does_not_depend_on_where_the_file_is(tmp_path: Path) -> None:

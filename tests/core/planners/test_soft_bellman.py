@@ -239,7 +239,7 @@ def test_the_planner_weighs_reward_features_by_theta_and_cost_features_by_omega(
     theta, omega = rng.normal(size=model.size), rng.normal(size=len(game.cost_features.names))
     found = SoftBellmanPlanner(game, model, game.cost_features).plan(theta, omega)
     reward = game.reward_features.table(theta) + game.cost_features.table(omega)
-    np.testing.assert_array_equal(found.values, soft_bellman_policy(game, reward).values)
+    np.testing.assert_allclose(found.values, soft_bellman_policy(game, reward).values, rtol=1e-13)
 
 
 def test_log_sum_exp_of_known_rows() -> None:

@@ -36,7 +36,7 @@ def privacy(directory: RunDirectory, as_json: Json = False) -> None:
             missing, history = certify(stored, kept).missing, kept.without_gap()
         if missing:
             raise ExperimentError(f"{stored.directory}: {missing[0]}; go on with `mabirds run --resume` first")
-        demonstrations = demonstrations_of(stored.experiment)
+        demonstrations = demonstrations_of(stored.experiment, stored.plan.bags)
         found = audit(stored.experiment, history, demonstrations, lambda name: console.print(f"attacking {name}"))
         for name, revealed in found.items():
             console.print(

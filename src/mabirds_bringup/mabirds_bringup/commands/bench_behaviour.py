@@ -56,7 +56,7 @@ def behaviour(  # noqa: PLR0913, PLR0917 - the options of a command
             results = Parallel(n_jobs=jobs, return_as="generator")(tasks)
             for trial in bar.track(results, total=maps, description="learning"):
                 rows += trial
-        content = write_report(rows, out, command_line(), machine("numpy", "scipy"))
+        content = write_report(rows, out, command_line(), machine("numpy", "scipy"), kind)
         tell(content, out)
         if as_json:
             print_json(content, stdout)

@@ -44,7 +44,7 @@ def report_on(
     if delivered is None and graph is not None:
         rounds = stored.experiment.iterations + stored.experiment.closing_rounds
         delivered = audit(stored.experiment.edge_schedule, graph, rounds)
-    demonstrations = demonstrations_at_hand(stored.experiment)
+    demonstrations = demonstrations_at_hand(stored.experiment, stored.plan.bags)
     return write_results(stored.experiment, history, demonstrations, stored.directory, seconds, certificate, delivered)
 
 
@@ -59,7 +59,7 @@ def check(directory: RunDirectory, as_json: Json = False) -> int:
         with stored.open_history() as kept:
             certificate = certify(stored, kept, summary.get("departed", ()))
         wrong = contradictions(summary, certificate) if summary else ["there is no summary.json"]
-        found = digest_at_hand(stored.experiment, stored.file, needed=False)
+        found = digest_at_hand(stored.experiment, stored.file, stored.plan.bags, needed=False)
         if found and stored.bag_digest and found != stored.bag_digest:
             wrong.append(f"{stored.experiment.demonstrations.bag}: holds other demonstrations, digest {found}")
         for words in [*certificate.missing, *wrong]:

@@ -11,6 +11,7 @@ from rich.live import Live
 from mabirds_bringup import exit_codes
 from mabirds_bringup.commands.demonstrations import digest_at_hand
 from mabirds_bringup.commands.options import CentralMethodName, Json, RunsDirectory
+from mabirds_bringup.commands.player_options import LESS_THAN_ALL, takes_player_options
 from mabirds_bringup.commands.report import report_on
 from mabirds_bringup.console import console, ending_as_interrupted, guarded_output, print_json
 from mabirds_bringup.evaluate.results import audit, write_unjudged
@@ -28,17 +29,12 @@ LINE_PERIOD = 2.0
 """Seconds between two lines of progress where the output is not a terminal."""
 
 
+@takes_player_options(*LESS_THAN_ALL)
 def run(  # noqa: PLR0913, PLR0917 - the options of a command
+    player: dict[str, Any],
     file: Annotated[
         Path | None,
         typer.Argument(metavar="EXPERIMENT", help="Experiment file, such as ros_ws/config/patrol.yaml."),
-    ] = None,
-    rate: Annotated[
-        float | None, typer.Option(help="Speed, as a multiple of the recorded timing (1).", min=0.01, max=1e4)
-    ] = None,
-    hz: Annotated[
-        float | None,
-        typer.Option(help="Demonstrations per second; 0: the recorded timing times --rate (0).", min=0, max=1e4),
     ] = None,
     method: CentralMethodName = None,
     restarts: Annotated[
@@ -64,7 +60,7 @@ def run(  # noqa: PLR0913, PLR0917 - the options of a command
 
     Example: mabirds run ros_ws/config/patrol.yaml --rate 10
     """
-    plan = RunPlan(name, rate or 1.0, hz or 0.0, method, restarts, tuple(only or ()))
+    plan = RunPlan(name, _absolute(player), method, restarts, tuple(only or ()))
     with guarded_output() as stdout, ending_as_interrupted():
         if resume:
             stored = _to_resume(load_run(resume.resolve()), file)
@@ -73,13 +69,16 @@ def run(  # noqa: PLR0913, PLR0917 - the options of a command
             if name and stored.summary().get("complete"):
                 console.print(f"{stored.directory} is complete; there is nothing to go on with", soft_wrap=True)
                 return _shown(stored.summary(), as_json, stdout)
-        speed = {
-            "rate": stored.plan.rate if rate is None else rate,
-            "hz": stored.plan.hz if hz is None and rate is None else hz or 0.0,
-        }
+        player = {**stored.plan.player, **_absolute(player)}
         with locked(stored.directory):
-            content = _run(stored, speed, restarts)
+            content = _run(stored, player, restarts)
         return _shown(content, as_json, stdout)
+
+
+def _absolute(player: Mapping[str, Any]) -> dict[str, Any]:
+    """The player's options as they must be written down: a run is gone on with from anywhere."""
+    bags = {"bags": [str(Path(bag).absolute()) for bag in player["bags"]]} if "bags" in player else {}
+    return {**player, **bags}
 
 
 def _shown(content: Any, as_json: bool, stdout: Any) -> int:
@@ -102,7 +101,7 @@ def _to_resume(stored: StoredRun, file: Path | None) -> StoredRun:
             f"--resume {stored.directory}: is of another experiment (digest {stored.experiment.digest}) than {file}"
             f" ({found}); leave out the file, or start another run"
         )
-    found_digest = digest_at_hand(stored.experiment, stored.file, needed=_plays(stored.plan))
+    found_digest = digest_at_hand(stored.experiment, stored.file, stored.plan.bags, needed=_plays(stored.plan))
     if found_digest and stored.bag_digest and found_digest != stored.bag_digest:
         raise ExperimentError(
             f"{stored.experiment.demonstrations.bag}: holds other demonstrations (digest {found_digest}) than those"
@@ -127,18 +126,18 @@ def _named_or_new(file: Path | None, plan: RunPlan, out: Path) -> StoredRun:
         raise ExperimentError(f"--only {strangers[0]}: expected some of {[*experiment.learners, PLAYER]}")
     if found := find_run(out, experiment, plan) if plan.run else None:
         return found if found.summary().get("complete") else _to_resume(found, None)
-    bag_digest = digest_at_hand(experiment, file, needed=_plays(plan))
+    bag_digest = digest_at_hand(experiment, file, plan.bags, needed=_plays(plan))
     return begin(out, experiment, file, bag_digest=bag_digest, plan=plan, method=plan.method)
 
 
-def _run(stored: StoredRun, speed: Mapping[str, object], restarts: int) -> dict[str, Any]:
+def _run(stored: StoredRun, player: Mapping[str, object], restarts: int) -> dict[str, Any]:
     """Run, and write what came of it, be it whole or not."""
     experiment, start = stored.experiment, time.monotonic()
     network = Network(
         experiment,
         stored.file.absolute(),
         stored.directory,
-        speed,
+        player,
         method=stored.plan.method,
         restarts=restarts,
         only=stored.plan.only,

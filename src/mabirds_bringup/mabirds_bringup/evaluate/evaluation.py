@@ -31,13 +31,17 @@ LEVEL = 0.9
 
 @dataclass(frozen=True)
 class LearnerMetrics:
-    """One learner at one iteration; rates in [0, 1], the likelihood in nats per held-out demonstration."""
+    """One learner at one iteration; rates in [0, 1], the likelihood in nats per held-out demonstration.
+
+    The certificate is in nats, too: by how much the planner's value is missed by what its policy earns.
+    """
 
     learner: str
     iteration: int
     violation_rate: float
     success_rate: float
     held_out_log_likelihood: float | None
+    certificate: float | None
 
 
 class Constraints(NamedTuple):
@@ -115,7 +119,9 @@ def evaluate(
             if row is None:
                 planned = policy(parameters[iteration - 1])
                 imitation = game.judge.imitation(planned, experiment.seed)
-                row = LearnerMetrics(name, iteration, *imitation, held_out.log_likelihood(game, planned))
+                likelihood = held_out.log_likelihood(game, planned)
+                certificate = game.judge.certificate(planned, experiment.seed)
+                row = LearnerMetrics(name, iteration, *imitation, likelihood, certificate)
             rows.append(row)
             on_row(row)
     together = list(zip(*history.values(), strict=False))
@@ -198,6 +204,7 @@ def _learner_summary(
         "success_first_iteration": None if first is None else rows[first].iteration,
         "success_stays_from_iteration": None if settled is None else rows[settled].iteration,
         "held_out_log_likelihood": rows[-1].held_out_log_likelihood,
+        "certificate": max((row.certificate for row in rows if row.certificate is not None), default=None),
         "occupancy_distance": evaluation.occupancy_distance[name],
         **constraints.errors._asdict(),
         "auc": constraints.auc,

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mabirds_core.algorithm.memory import stacked
+from mabirds_core.errors import InfeasibleError
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.games.whole_game import Game
@@ -14,14 +15,14 @@ HELD_OUT = 200
 
 
 class HeldOut(NamedTuple):
-    """What policies are compared with; nothing where the game's judge cannot follow its experts.
+    """What policies are compared with.
 
     Attributes
     ----------
     experts : Any or None
-        Their policy.
+        Their policy; None where the game's judge cannot follow it.
     demonstrations : Trajectories or None
-        HELD_OUT of them.
+        HELD_OUT of them; None where there are no experts, or they find no way: the bag may be somebody else's.
     """
 
     experts: Any
@@ -40,9 +41,11 @@ class HeldOut(NamedTuple):
         Returns
         -------
         float or None
-            In nats per demonstration; None where there are none, or the game cannot say.
+            In nats per demonstration; None without a policy or demonstrations, or where the game cannot say.
         """
-        nats = None if self.demonstrations is None else game.judge.log_likelihoods(policy, self.demonstrations)
+        if policy is None or self.demonstrations is None:
+            return None
+        nats = game.judge.log_likelihoods(policy, self.demonstrations)
         return None if nats is None else float(nats.mean())
 
 
@@ -63,7 +66,10 @@ def draw_held_out(experiment: Experiment, game: Game) -> HeldOut:
     """
     drawn = experiment.demonstrations
     experts = game.experts(drawn.experts, drawn.side) if game.expert_kinds else None
-    if experts is None or experts.policy is None:
+    if experts is None:
         return HeldOut(None, None)
     rng = np.random.default_rng([drawn.seed, HELD_OUT, experiment.seed])
-    return HeldOut(experts.policy, stacked([*experts.demonstrations(HELD_OUT, rng)]))
+    try:
+        return HeldOut(experts.policy, stacked([*experts.demonstrations(HELD_OUT, rng)]))
+    except InfeasibleError:
+        return HeldOut(experts.policy, None)

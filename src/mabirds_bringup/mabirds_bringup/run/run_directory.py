@@ -145,9 +145,9 @@ def read_judged(directory: Path) -> list[LearnerMetrics]:
 
 
 def _judged(row: Mapping[str, str]) -> LearnerMetrics:
-    nats = row["held_out_log_likelihood"]
     rates = float(row["violation_rate"]), float(row["success_rate"])
-    return LearnerMetrics(row["learner"], int(row["iteration"]), *rates, float(nats) if nats else None)
+    nats = [float(row[name]) if row[name] else None for name in ("held_out_log_likelihood", "certificate")]
+    return LearnerMetrics(row["learner"], int(row["iteration"]), *rates, *nats)
 
 
 def write_json(file: Path, content: Any) -> None:

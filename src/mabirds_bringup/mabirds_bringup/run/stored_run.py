@@ -6,7 +6,7 @@ import os
 import secrets
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -31,16 +31,20 @@ NETWORK, IN_PROCESS = "network", "in process"
 class RunPlan:
     """How a network was started, in its manifest.
 
-    ``run``: its name. ``rate``, ``hz``: of the player. ``method``: a central method in the learners' place.
+    ``run``: its name. ``player``: parameters of the player. ``method``: a central method in the learners' place.
     ``restarts``: how often a node may be started again. ``only``: the nodes of this host; none: all.
     """
 
     run: str
-    rate: float = 1.0
-    hz: float = 0.0
+    player: Mapping[str, Any] = field(default_factory=dict)
     method: str | None = None
     restarts: int = 3
     only: Sequence[str] = ()
+
+    @property
+    def bags(self) -> list[Path]:
+        """That are played in the place of the experiment's."""
+        return [Path(bag) for bag in self.player.get("bags", [])]
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from rclpy.exceptions import InvalidNamespaceException
 from rclpy.validate_namespace import validate_namespace
 
 from mabirds_core.experiment.file import Experiment
-from mabirds_msgs_py import topics
+from mabirds_msgs_py import player_services, topics
 from mabirds_msgs_py.security import SecurityError
 
 POLICY_VERSION = "0.2.0"
@@ -35,7 +35,7 @@ NODE_SERVICES = (*PARAMETER_SERVICES, "get_type_description")
 """What every node serves below its own name."""
 
 PLAYER = "expert_player"
-PLAYER_SERVICES = ("pause", "play_next", "resend")
+SERVED = (*player_services.PLAYER_SERVICES, player_services.RESEND)
 
 LEARNING_NODES = ("learner", "baseline")
 """Nodes that have a namespace for themselves."""
@@ -114,9 +114,14 @@ class Policy:
         return _access(
             self.fleet,
             PLAYER,
-            publish=[topics.DIAGNOSTICS, *self._each(self.experiment.learners, topics.DEMONSTRATION)],
+            publish=[
+                topics.DIAGNOSTICS,
+                "/clock",
+                self._of(PLAYER, player_services.STATUS),
+                *self._each(self.experiment.learners, topics.DEMONSTRATION),
+            ],
             subscribe=self._each(self._learning, topics.STATUS),
-            reply=[self._of(PLAYER, service) for service in PLAYER_SERVICES],
+            reply=[self._of(PLAYER, service) for service in SERVED],
         )
 
     def _people(self) -> Iterator[Access]:
@@ -126,6 +131,9 @@ class Policy:
         yield _access("/", "monitor", publish=declared, subscribe=self._watched(), request=missed)
         asked = self._each(self._learning, f"{'baseline' if self.method else 'learner'}/get_parameters")
         yield _access("/", "inspector", subscribe=self._watched(), request=asked)
+        called = [self._of(PLAYER, service) for service in player_services.PLAYER_SERVICES]
+        heard = [self._of(PLAYER, player_services.STATUS)]
+        yield _access(self.fleet, "player_client", subscribe=heard, request=called)
         if self._has_members:
             heard = self._each(self._learning, topics.STATUS)
             yield _access(self.fleet, "declarer", publish=declared, subscribe=heard)

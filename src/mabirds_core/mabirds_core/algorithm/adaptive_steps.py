@@ -26,6 +26,7 @@ import numpy as np
 from mabirds_core.algorithm.gradient import GradientEstimate
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.algorithm.steps import RuleState
+from mabirds_core.arithmetic import log, power
 from mabirds_core.arrays import Vector
 from mabirds_core.settings import Settings
 
@@ -106,7 +107,7 @@ class AdaptiveSteps(Settings):
 
 def _ratio_momentum(momentum: Vector, expected: Vector, demonstrated: Vector, prior: float, rate: float) -> Vector:
     """M <- .7 M + .3 a(n) log((e + c/n) / (m + c/n)); rounding may leave an expectation below 0 by some 1e-17."""
-    ratio = np.log((np.maximum(expected, 0.0) + prior) / (demonstrated + prior))
+    ratio = log((np.maximum(expected, 0.0) + prior) / (demonstrated + prior))
     return np.asarray(MOMENTUM * momentum + (1 - MOMENTUM) * rate * ratio)
 
 
@@ -128,4 +129,4 @@ def _rate(estimate: GradientEstimate, n: int) -> float:
     """a(n): the more features are active at a time, the less each of them has to do."""
     counted = [values.sum() for values, counts in zip(estimate.observed, estimate.counts, strict=True) if counts]
     active = sum(counted) / estimate.mass
-    return float(RATE / (1 + n / SLOWER_AFTER) ** DECAY / max(active, MIN_ACTIVE))
+    return float(RATE / power(1 + n / SLOWER_AFTER, DECAY) / max(active, MIN_ACTIVE))

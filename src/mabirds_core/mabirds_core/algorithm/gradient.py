@@ -15,6 +15,7 @@ import numpy as np
 
 from mabirds_core.algorithm.memory import Memory, WindowMemory
 from mabirds_core.algorithm.parameters import Parameters, scaled
+from mabirds_core.arithmetic import powers
 from mabirds_core.games.interface import ConstrainedMarkovGame
 from mabirds_core.planners.interface import OccupancyEstimator, Planner, Policy
 from mabirds_core.rewards.models import RewardModel
@@ -125,7 +126,7 @@ class GradientEstimator:
     def mass(self) -> float:
         """N_E sum_t gamma^t."""
         game = self.game
-        return float(game.n_experts * (game.discount ** np.arange(game.horizon + 1)).sum())
+        return float(game.n_experts * powers(game.discount, game.horizon + 1).sum())
 
     def window(self, length: int) -> WindowMemory:
         """An empty window of ``length`` iterations."""

@@ -7,6 +7,7 @@ from pydantic import Field
 from mabirds_core.algorithm.gradient import GradientEstimate
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.algorithm.steps import RuleState
+from mabirds_core.arithmetic import power
 from mabirds_core.settings import Settings
 
 
@@ -22,10 +23,10 @@ class PaperSteps(Settings):
     def at(self, n: int) -> tuple[float, float]:
         """alpha(n), beta(n).
 
-        >>> PaperSteps(alpha=8, beta=4, eta1=0.75, eta2=0.75).at(16)
-        (1.0, 0.5)
+        >>> [round(step, 12) for step in PaperSteps(alpha=8, beta=4, eta1=0.75, eta2=0.75).at(16)]
+        [1.0, 0.5]
         """
-        return self.alpha / n**self.eta1, self.beta / n**self.eta2
+        return self.alpha / power(n, self.eta1), self.beta / power(n, self.eta2)
 
     def initial(self, parameters: Parameters) -> RuleState:  # noqa: ARG002 - nothing is remembered
         """Nothing is remembered."""

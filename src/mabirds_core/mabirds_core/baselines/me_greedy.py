@@ -17,7 +17,7 @@ import numpy as np
 
 from mabirds_core.algorithm.memory import stacked
 from mabirds_core.algorithm.parameters import Parameters
-from mabirds_core.arrays import Mask, Vector
+from mabirds_core.arrays import Indices, Mask, Vector
 from mabirds_core.baselines.interface import CentralState
 from mabirds_core.games.interface import TabularGame, Trajectories, discounted_visitation
 from mabirds_core.planners.interface import TabularPolicy
@@ -90,11 +90,26 @@ def violation_probabilities(game: TabularGame, policy: TabularPolicy) -> Vector:
     Vector
         Shape (K,).
     """
-    everywhere, size = np.arange(game.n_states), len(game.cost_features.names)
-    respected = [game.cost_features.table(unit) == 0 for unit in np.eye(size)]
-    clean = np.ones((size, game.n_states))
+    states, size = reached_states(game, policy), len(game.cost_features.names)
+    places = np.zeros(game.n_states, dtype=np.int64)  # anywhere for states that are not reached: their chances are 0
+    places[states] = np.arange(len(states))
+    after = places[game.successor[states]]
+    respected = [game.cost_features.table(unit)[states] == 0 for unit in np.eye(size)]
+    clean = np.ones((size, len(states)))
     for step in range(game.horizon, -1, -1):
-        chances = np.exp(policy.log_probabilities(step, everywhere))
+        chances = np.exp(policy.log_probabilities(step, states))
         for k, allowed in enumerate(respected):
-            clean[k] = (chances * allowed * clean[k][game.successor]).sum(axis=1)
-    return np.asarray(1.0 - clean @ game.initial_distribution)
+            clean[k] = (chances * allowed * clean[k][after]).sum(axis=1)
+    return np.asarray(1.0 - clean @ game.initial_distribution[states])
+
+
+def reached_states(game: TabularGame, policy: TabularPolicy) -> Indices:
+    """Joint states that a policy can reach from P_0, at any step, in rising order."""
+    present = reached = game.initial_distribution > 0
+    for step in range(game.horizon):
+        states = np.flatnonzero(present)
+        taken = np.isfinite(policy.log_probabilities(step, states))
+        present = np.zeros(game.n_states, dtype=bool)
+        present[game.successor[states][taken]] = True
+        reached = reached | present
+    return np.flatnonzero(reached)

@@ -137,15 +137,20 @@ class Experiment(Settings):
     def digest(self) -> str:
         """Digest of what decides theta and omega and when to end. Not of the schedule, nor of the bag's place.
 
-        Of the settings that are not at their defaults: options that come to be later change no digest.
+        Of the settings that are not at their defaults: options that come to be later change no digest. It names the
+        arithmetic.
         """
+        return experiment_digest(self._deciding)
+
+    @property
+    def _deciding(self) -> dict[str, Any]:
         deciding = ("game", "algorithm", "learners", "mixing", "iterations", "closing_rounds", "seed")
         content = without_defaults(self)
-        return experiment_digest({name: content[name] for name in deciding if name in content})
+        return {name: content[name] for name in deciding if name in content}
 
     def run_digest(self, run: str) -> str:
         """Digest of one run of the experiment: two networks in one ROS domain are told apart by ``run``."""
-        return experiment_digest([self.digest, run]) if run else self.digest
+        return experiment_digest([self._deciding, run]) if run else self.digest
 
 
 def planners_for(form: str | None) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from mabirds_core.arithmetic import powers
 from mabirds_core.arrays import Array, Indices, Mask, Vector
 
 Steps = NDArray[Any]
@@ -245,6 +246,6 @@ def discounted_visitation(trajectories: Trajectories, discount: float) -> Visita
         With weights gamma^t / m.
     """
     count, steps = trajectories.states.shape[:2]
-    weights = np.broadcast_to(discount ** np.arange(steps) / count, (count, steps))
+    weights = np.broadcast_to(powers(discount, steps) / count, (count, steps))
     states, actions = (values.reshape(count * steps, *values.shape[2:]) for values in trajectories)
     return Visitation(states, actions, weights.ravel())

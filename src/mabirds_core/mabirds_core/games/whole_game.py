@@ -121,7 +121,25 @@ class Judge(Protocol):
         Returns
         -------
         Vector or None
-            In nats, shape (m,); None where the game cannot say.
+            In nats, shape (m,), of continuous actions relative to the uniform policy; None where the game cannot say.
+        """
+        ...
+
+    def certificate(self, policy: Any, seed: int) -> float | None:
+        """By how much the value that a planner gave its policy differs from what the policy's trajectories earn.
+
+        Parameters
+        ----------
+        policy : Any
+            Of the game.
+        seed : int
+            Of rollouts, where the judge takes some.
+
+        Returns
+        -------
+        float or None
+            Largest | V_0(s_0) - sum_t gamma^t ( r_t - log pi_t ) | over some rollouts [nats]; None where there is no
+            such value.
         """
         ...
 

@@ -1,6 +1,7 @@
 /* exp and log of fixed arithmetic: additions, multiplications and divisions in a stated order, so that every processor
    gives the same bits. Within 1.5 units in the last place of the exact value. Written without branches, so that
-   compilers turn loops over them into vectors; compile with -ffp-contract=off. */
+   compilers turn loops over them into vectors; polynomials go by pairs (Estrin), so that few operations wait for others.
+   Compile with -ffp-contract=off. */
 #ifndef MABIRDS_FIXED_H
 #define MABIRDS_FIXED_H
 
@@ -34,19 +35,12 @@ static inline double fixed_exp(double x) {
   double shifted = inside * FIXED_LOG2_E + FIXED_ROUND;
   double n = shifted - FIXED_ROUND;
   double r = (inside - n * FIXED_LN2_HIGH) - n * FIXED_LN2_LOW;
-  double p = 1.0 / 6227020800.0;
-  p = p * r + 1.0 / 479001600.0;
-  p = p * r + 1.0 / 39916800.0;
-  p = p * r + 1.0 / 3628800.0;
-  p = p * r + 1.0 / 362880.0;
-  p = p * r + 1.0 / 40320.0;
-  p = p * r + 1.0 / 5040.0;
-  p = p * r + 1.0 / 720.0;
-  p = p * r + 1.0 / 120.0;
-  p = p * r + 1.0 / 24.0;
-  p = p * r + 1.0 / 6.0;
-  p = p * r + 0.5;
-  p = 1.0 + (r + r * r * p);
+  double r2 = r * r, r4 = r2 * r2;
+  double p2 = 0.5 + r * (1.0 / 6.0), p4 = 1.0 / 24.0 + r * (1.0 / 120.0), p6 = 1.0 / 720.0 + r * (1.0 / 5040.0);
+  double p8 = 1.0 / 40320.0 + r * (1.0 / 362880.0), p10 = 1.0 / 3628800.0 + r * (1.0 / 39916800.0);
+  double p12 = 1.0 / 479001600.0 + r * (1.0 / 6227020800.0);
+  double p = (p2 + p4 * r2) + r4 * ((p6 + p8 * r2) + r4 * (p10 + p12 * r2));
+  p = 1.0 + (r + r2 * p);
   double y = p * fixed_double((fixed_bits(shifted) + 1023) << 52);
   y = x < FIXED_EXP_LEAST ? 0.0 : y;
   y = x > FIXED_EXP_MOST ? INFINITY : y;
@@ -62,17 +56,10 @@ static inline double fixed_log(double x) {
   double f = m - 1.0;
   double s = f / (2.0 + f);
   double z = s * s;
-  double p = 2.0 / 23.0;
-  p = p * z + 2.0 / 21.0;
-  p = p * z + 2.0 / 19.0;
-  p = p * z + 2.0 / 17.0;
-  p = p * z + 2.0 / 15.0;
-  p = p * z + 2.0 / 13.0;
-  p = p * z + 2.0 / 11.0;
-  p = p * z + 2.0 / 9.0;
-  p = p * z + 2.0 / 7.0;
-  p = p * z + 2.0 / 5.0;
-  p = p * z + 2.0 / 3.0;
+  double z2 = z * z, z4 = z2 * z2;
+  double p0 = 2.0 / 3.0 + z * (2.0 / 5.0), p2 = 2.0 / 7.0 + z * (2.0 / 9.0), p4 = 2.0 / 11.0 + z * (2.0 / 13.0);
+  double p6 = 2.0 / 15.0 + z * (2.0 / 17.0), p8 = 2.0 / 19.0 + z * (2.0 / 21.0), p10 = 2.0 / 23.0;
+  double p = (p0 + p2 * z2) + z4 * ((p4 + p6 * z2) + z4 * (p8 + p10 * z2));
   double half = 0.5 * f * f; /* log(1 + f) = f - (f^2/2 - s (f^2/2 + z p)) */
   double y = e * FIXED_LN2_HIGH - ((half - (s * (half + z * p) + e * FIXED_LN2_LOW)) - f);
   y = x < 2.2250738585072014e-308 ? -INFINITY : y;

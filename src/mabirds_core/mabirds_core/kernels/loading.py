@@ -11,6 +11,11 @@ import numpy as np
 SWITCH = "MABIRDS_KERNELS"
 """Environment variable; "off": do without compiled kernels."""
 
+_KEPT = 2**26
+"""Bytes that are kept, at most."""
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
+"""From glibc's malloc.h."""
+
 
 @cache
 def library() -> ctypes.CDLL | None:
@@ -23,7 +28,16 @@ def library() -> ctypes.CDLL | None:
             "no compiled kernels: learning takes several times as long; install mabirds_core where there is gcc"
         )
         return None
+    _keep_memory()
     return ctypes.CDLL(place.origin)
+
+
+def _keep_memory() -> None:
+    """Ask glibc to keep what one solve frees for the next: new pages of memory take as long as solving."""
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    if mallopt is not None:
+        mallopt(_M_MMAP_THRESHOLD, _KEPT // 2)
+        mallopt(_M_TRIM_THRESHOLD, _KEPT)
 
 
 def pointer(array: np.ndarray, dtype: type = np.float64) -> ctypes.c_void_p:

@@ -31,14 +31,14 @@ def exact_imitation(game: TabularGame, policy: TabularPolicy) -> ImitationMetric
     ImitationMetrics
         Exact.
     """
-    everywhere = np.arange(game.n_states)
     clean = game.initial_distribution
     for step in range(game.horizon + 1):
-        pairs = clean[:, None] * np.exp(policy.log_probabilities(step, everywhere))
-        pairs[game.violation] = 0.0
-        clean = weighted_counts(game.successor, pairs, game.n_states)
+        states = np.flatnonzero(clean)
+        pairs = clean[states, None] * np.exp(policy.log_probabilities(step, states))
+        pairs[game.violation[states]] = 0.0
+        clean = weighted_counts(game.successor[states], pairs, game.n_states)
     # Rounding may carry a probability past 1 by some 1e-15.
-    return ImitationMetrics(max(0.0, 1.0 - float(pairs.sum())), min(1.0, float(pairs[game.goal].sum())))
+    return ImitationMetrics(max(0.0, 1.0 - float(pairs.sum())), min(1.0, float(pairs[game.goal[states]].sum())))
 
 
 def sampled_imitation(game: TabularGame, trajectories: Trajectories) -> ImitationMetrics:

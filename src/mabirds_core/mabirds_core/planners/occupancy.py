@@ -4,9 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mabirds_core.arithmetic import exp, powers
 from mabirds_core.arrays import Array, Indices, Vector, weighted_counts
 from mabirds_core.errors import InfeasibleError
 from mabirds_core.games.interface import TabularGame, Trajectories, Visitation, discounted_visitation
+from mabirds_core.planners.factored import FactoredPolicy
 from mabirds_core.planners.interface import TabularPolicy
 
 BLOCKED = "the policy leads to a state in which every action is blocked; loosen the hard constraints or the starts"
@@ -72,7 +74,7 @@ def rollouts(
 
 def _draw(log_probabilities: Array, rng: np.random.Generator) -> Indices:
     """One action per row, by inverting the cumulative distribution."""
-    cumulative = np.exp(log_probabilities).cumsum(axis=1)
+    cumulative = exp(log_probabilities).cumsum(axis=1)
     total = cumulative[:, -1:]
     if not (total > 0).all():
         raise InfeasibleError(BLOCKED)
@@ -99,16 +101,16 @@ def occupancy_measure(game: TabularGame, policy: TabularPolicy, starts: Indices 
     everywhere = np.arange(game.n_states)
     present = start_distribution(game, starts)
     occupancy = np.zeros((game.n_states, game.n_actions))
-    for step in range(game.horizon + 1):
-        pairs = present[:, None] * np.exp(policy.log_probabilities(step, everywhere))
-        occupancy += game.discount**step * pairs
+    for step, weight in enumerate(powers(game.discount, game.horizon + 1)):
+        pairs = present[:, None] * exp(policy.log_probabilities(step, everywhere))
+        occupancy += weight * pairs
         present = weighted_counts(game.successor, pairs, game.n_states)
     return occupancy / discounted_steps(game)
 
 
 def discounted_steps(game: TabularGame) -> float:
     """sum_{t=0}^T gamma^t: what turns the occupancy measure into expected discounted sums."""
-    return float((game.discount ** np.arange(game.horizon + 1)).sum())
+    return float(powers(game.discount, game.horizon + 1).sum())
 
 
 def pairs_of(counts: Array) -> Visitation:
@@ -141,13 +143,15 @@ class ExactOccupancy:
         rng: np.random.Generator,  # noqa: ARG002 - nothing is drawn
         starts: Indices | None = None,
     ) -> Visitation:
-        """Every pair of positive probability.
+        """Every pair of positive probability; by expert, where the policy can say it so.
 
         Raises
         ------
         InfeasibleError
             The policy has no action to take in a state where it leads.
         """
+        if isinstance(policy, FactoredPolicy):  # which has actions to take everywhere
+            return policy.visitation(start_distribution(self.game, starts))
         occupancy = occupancy_measure(self.game, policy, starts)
         if not np.isclose(occupancy.sum(), 1.0, rtol=0, atol=1e-9):
             raise InfeasibleError(BLOCKED)

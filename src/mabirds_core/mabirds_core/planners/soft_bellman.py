@@ -10,11 +10,15 @@ constraint: the action gets probability 0, and a state all of whose actions are 
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
+from mabirds_core.arithmetic import exp, log
 from mabirds_core.arrays import Array, Indices, Mask, Vector
+from mabirds_core.games.factored import FactoredGame
 from mabirds_core.games.interface import TabularFeatureMap, TabularGame, Trajectories
+from mabirds_core.planners.factored import FactoredPolicy, factored_policy, factored_reward
 from mabirds_core.planners.interface import Policy
 from mabirds_core.rewards.models import TabularRewardModel
 
@@ -63,8 +67,11 @@ class SoftBellmanPlanner:
         previous: Policy | None = None,  # noqa: ARG002 - exact from any start
         rng: np.random.Generator | None = None,  # noqa: ARG002 - nothing is drawn
         observed: Trajectories | None = None,  # noqa: ARG002 - nothing is learned from examples
-    ) -> SoftBellmanPolicy:
-        """pi(omega, theta)."""
+    ) -> SoftBellmanPolicy | FactoredPolicy:
+        """pi(omega, theta): one expert after the other where the game and the rewards allow that."""
+        factored = factored_reward(self.reward_model, self.cost_features, theta, omega)
+        if factored is not None:
+            return factored_policy(cast("FactoredGame", self.game), factored)
         reward = self.reward_model.table(theta) + self.cost_features.table(omega)
         return soft_bellman_policy(self.game, reward)
 
@@ -145,5 +152,4 @@ def log_sum_exp(table: Array) -> Vector:
     """log sum_a exp table[s, a], shape (S,), safe for large numbers; -inf for rows of only -inf."""
     largest = table.max(axis=1)
     shift = np.where(np.isneginf(largest), 0.0, largest)
-    with np.errstate(divide="ignore"):  # log 0 = -inf is what a blocked row means
-        return np.asarray(shift + np.log(np.exp(table - shift[:, None]).sum(axis=1)))
+    return np.asarray(shift + log(exp(table - shift[:, None]).sum(axis=1)))  # log 0 = -inf: a blocked row

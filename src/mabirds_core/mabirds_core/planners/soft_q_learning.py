@@ -31,6 +31,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mabirds_core.arithmetic import exp, log
 from mabirds_core.arrays import Array, Indices, Vector
 from mabirds_core.errors import CheckpointError
 from mabirds_core.games.interface import TabularFeatureMap, TabularGame, Trajectories
@@ -138,9 +139,8 @@ class ExploringPolicy:
 
     def log_probabilities(self, step: int, states: Indices) -> Array:
         """log ( (1 - share) pi_t(a | s) + share / A ), shape (M, A)."""
-        chances = np.exp(self.policy.log_probabilities(step, states))
-        with np.errstate(divide="ignore"):  # without exploration a chance may be too small for a number
-            return np.asarray(np.log((1 - self.share) * chances + self.share / chances.shape[1]))
+        chances = exp(self.policy.log_probabilities(step, states))
+        return log((1 - self.share) * chances + self.share / chances.shape[1])  # -inf where it is too small
 
 
 def backed_up(game: TabularGame, reward: Array, visited: Indices) -> SoftQPolicy:

@@ -6,6 +6,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from mabirds_core.arithmetic import product, tanh
 from mabirds_core.arrays import Array, Vector
 from mabirds_core.games.interface import FeatureMap, RewardFeatureMap, TabularFeatureMap, TabularGame, Visitation
 
@@ -215,12 +216,12 @@ class NeuralReward:
 
     def _activations(self, layers: Layers) -> Array:
         """tanh(U x_k + b), shape (K, H)."""
-        return np.tanh(self._x @ layers.inputs.T + layers.hidden)
+        return tanh(product(self._x, layers.inputs.T) + layers.hidden)
 
     def weights(self, theta: Vector) -> Vector:
         """w_k(theta), shape (K,)."""
         layers = self._layers(theta)
-        return self.bound / self.n_experts * np.tanh(self._activations(layers) @ np.tanh(layers.outputs))
+        return self.bound / self.n_experts * tanh(_weighed(self._activations(layers), layers))
 
     def table(self, theta: Vector) -> Array:
         """r_theta(s, a), shape (S, A)."""
@@ -243,11 +244,16 @@ class NeuralReward:
         """Backwards through the network from a total of the features, shape (size,)."""
         layers = self._layers(theta)
         active = self._activations(layers)
-        slope = 1 - np.tanh(active @ np.tanh(layers.outputs)) ** 2
+        slope = 1 - tanh(_weighed(active, layers)) ** 2
         of_output = self.bound / self.n_experts * total * slope
-        of_hidden = of_output[:, None] * np.tanh(layers.outputs) * (1 - active**2)
-        of_outputs = (of_output @ active) * (1 - np.tanh(layers.outputs) ** 2)
-        return np.concatenate([(of_hidden.T @ self._x).ravel(), of_hidden.sum(axis=0), of_outputs])
+        of_hidden = of_output[:, None] * tanh(layers.outputs) * (1 - active**2)
+        of_outputs = product(of_output[None], active)[0] * (1 - tanh(layers.outputs) ** 2)
+        return np.concatenate([product(of_hidden.T, self._x).ravel(), of_hidden.sum(axis=0), of_outputs])
+
+
+def _weighed(active: Array, layers: Layers) -> Vector:
+    """sum_h tanh(v_h) times the activations (K, H), shape (K,)."""
+    return product(active, tanh(layers.outputs)[:, None])[:, 0]
 
 
 @dataclass(frozen=True)

@@ -4,19 +4,21 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
-from arenas import ARENA, arena, drone_experiment, drone_settings
+from arenas import ARENA, arena, drone_experiment, drone_game, drone_settings
 from experiments import SETTINGS, changed
 from pydantic import create_model
 
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.file import load_experiment, planners_for
 from mabirds_core.games.drones.game import DroneGame
-from mabirds_core.games.drones.planner_checks import LATTICE_ACTIONS, MAX_VALUES
+from mabirds_core.games.drones.planner_checks import MAX_VALUES
 from mabirds_core.games.drones.planner_settings import LatticeSettings
+from mabirds_core.games.drones.rewards import LinearDroneReward
 from mabirds_core.games.drones.settings import DroneSettings, DroneTask
-from mabirds_core.games.drones.stencils import Lattice, action_set
+from mabirds_core.games.drones.whole_game import build_lattice
 from mabirds_core.games.patrol.settings import PatrolSettings
 
 DRONES = Path(__file__).resolve().parents[4] / "ros_ws" / "config" / "drones.yaml"
@@ -135,43 +137,48 @@ def test_lattices_are_for_one_or_two_single_integrators(tmp_path: Path, changes:
     assert load_experiment(write(tmp_path, drone_settings({**changes, "algorithm.policy": other})))
 
 
-@pytest.mark.parametrize(
-    ("drones", "spacing", "horizon", "values"),
-    [
-        (1, 0.01, 6, 161 * 121 * LATTICE_ACTIONS * 62**2),  # actions of 0.3 m reach 30 nodes each way, and one more
-        (2, 0.02, 6, 2 * 81 * 61 * LATTICE_ACTIONS * 32**2),
-        (2, 0.1, 10_000, (17 * 13) ** 2 * 10_002),  # values at all steps
-    ],
-)
-def test_lattices_must_fit_into_memory(tmp_path: Path, drones: int, spacing: float, horizon: int, values: int) -> None:
+@pytest.mark.parametrize(("drones", "spacing", "horizon"), [(1, 0.002, 1500), (2, 0.02, 40), (2, 0.045, 2_000)])
+def test_lattices_must_fit_into_memory(tmp_path: Path, drones: int, spacing: float, horizon: int) -> None:
     changes = {"game.drones": ARENA["drones"][:drones], "game.horizon": horizon}
+    values = (1.6 * 1.2 / (spacing**2 * math.sin(math.pi / 3))) ** drones * (horizon + 1)
     message = refusal(write(tmp_path, drone_settings({**changes, "algorithm.policy.spacing": spacing})))
     assert f"spacing {spacing:g} m makes {values:.2g} values, expected at most {MAX_VALUES:.2g}; take a la" in message
-    assert load_experiment(write(tmp_path, drone_settings({**changes, "algorithm.policy.spacing": 2 * spacing})))
+    assert load_experiment(write(tmp_path, drone_settings({**changes, "algorithm.policy.spacing": 1.5 * spacing})))
 
 
-@pytest.mark.parametrize(("drones", "spacing"), [(1, 0.03), (2, 0.1), (2, 0.8)])
-def test_what_is_checked_is_what_is_kept(drones: int, spacing: float) -> None:
-    game = arena(drones)
-    lattice = Lattice(game, spacing)
-    assert len(action_set(1.0)[0]) == LATTICE_ACTIONS
-    assert lattice.everywhere.nodes.shape[2] == math.prod(game.settings.stencil_shape(spacing))
-    assert lattice.everywhere.weights.shape == (
-        len(lattice.nodes),
-        drones,
-        LATTICE_ACTIONS,
-        math.prod(game.settings.stencil_shape(spacing)),
-    )
+def test_what_is_checked_is_what_is_kept() -> None:
+    settings = drone_experiment({"algorithm.policy.spacing": 0.05}).algorithm.policy
+    game = arena(2, {"horizon": 30})
+    model = LinearDroneReward(game)
+    planner: Any = build_lattice(settings, game, model)
+    policy = planner.plan(np.zeros(model.size), np.zeros(len(game.cost_features.names)))
+    values = (1.6 * 1.2 / (0.05**2 * math.sin(math.pi / 3))) ** 2 * 31
+    assert 0.8 * values < len(policy.memory) < 1.05 * values
+
+
+@pytest.mark.parametrize(
+    ("spacing", "message"),
+    [
+        (0.31, "spacing 0.31 m: drones fly 0.3 m in a step, and would reach no other node; take a smaller one"),
+        (0.25, "goal_region of drone 2 has radius 0.14 m, and may have no node; expected at least 0.144338 m for alg"),
+    ],
+)
+def test_lattices_must_have_neighbours_and_goals(tmp_path: Path, spacing: float, message: str) -> None:
+    changes = {"algorithm.policy.spacing": spacing, "game.drones.1.goal_region.radius": 0.14}
+    assert message in refusal(write(tmp_path, drone_settings(changes)))
+
+
+def test_the_default_lattice_has_thirteen_moves() -> None:
+    game = drone_game(drone_experiment())
+    planner: Any = build_lattice(LatticeSettings(kind="lattice"), game, LinearDroneReward(game))
+    assert planner.lattices[0][0].moves.nodes.shape[1] == 13
+    assert planner.spacing == pytest.approx(0.3 / 3**0.5)
 
 
 @pytest.mark.parametrize("spacing", [0.0, -0.1, 1e-320])
 def test_lattices_have_a_spacing(tmp_path: Path, spacing: float) -> None:
     message = refusal(write(tmp_path, drone_settings({"algorithm.policy.spacing": spacing})))
     assert message.startswith("algorithm.policy.lattice.spacing: Input should be greater than or equal to")
-
-
-def test_a_lattice_may_be_as_coarse_as_its_corners(tmp_path: Path) -> None:
-    assert load_experiment(write(tmp_path, drone_settings({"algorithm.policy.spacing": 1000.0})))
 
 
 @pytest.mark.parametrize(

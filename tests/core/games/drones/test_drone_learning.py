@@ -27,8 +27,8 @@ from mabirds_core.experiment.assembly import (
 )
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import simulate, simulate_central
-from mabirds_core.games.drones.game import DroneGame
-from mabirds_core.games.drones.lattice import LatticePlanner, LatticePolicy
+from mabirds_core.games.drones.demonstrated import log_ratios
+from mabirds_core.games.drones.lattice import LatticePlanner
 from mabirds_core.games.drones.rewards import LinearDroneReward, NeuralDroneReward, TrueDroneReward
 from mabirds_core.games.drones.rollouts import drone_rollouts
 from mabirds_core.games.interface import Trajectories, discounted_visitation
@@ -114,8 +114,9 @@ def test_a_learners_gradient_is_that_of_rollouts_less_demonstrations() -> None:
     rng = np.random.default_rng(0)
     at = Parameters(*(rng.normal(size=values.shape) for values in learner.initial_state().parameters))
     found = learner.step(LearnerState(3, StrictState(at), learner.memory, {}), demonstration, {}).gradient
-    policy = LatticePlanner(game, LinearDroneReward(game), 0.4, 1.0).plan(*at)
-    imagined = drone_rollouts(game, policy, 6, np.random.default_rng([3, 0, 3]))
+    rng = np.random.default_rng([3, 0, 3])
+    policy = LatticePlanner(game, LinearDroneReward(game), 0.173, 1.0).plan(*at, rng=rng)
+    imagined = drone_rollouts(game, policy, 6, rng)
     for part, features in zip(found, (game.reward_features, game.cost_features), strict=True):
         totals = [features.total(discounted_visitation(of, 0.9)) for of in (imagined, demonstration)]
         np.testing.assert_allclose(part, totals[0] - totals[1], rtol=0, atol=1e-12)
@@ -136,19 +137,6 @@ def test_rollouts_begin_where_demonstrations_did() -> None:
     assert np.abs(gradient.theta).max() > 1e-3
 
 
-def log_likelihood(policy: LatticePolicy, game: DroneGame, seen: Trajectories) -> float:
-    """Of the lattice's moves that are nearest to the demonstrated ones."""
-    velocities, _ = policy.lattice.action_set
-    total = 0.0
-    for step in range(game.horizon + 1):
-        logs = policy.log_weights(step, seen.states[:, step])
-        logs = logs - np.log(np.exp(logs - logs.max()).sum(axis=(1, 2), keepdims=True)) - logs.max()
-        controls = game.controls(seen.actions[:, step])
-        numbers = ((controls[:, :, None] - velocities) ** 2).sum(axis=-1).argmin(axis=-1)
-        total += float(sum(one[tuple(chosen)] for one, chosen in zip(logs, numbers, strict=True)))
-    return total / len(seen.states)
-
-
 @pytest.mark.parametrize("changes", [{}, NEURAL], ids=["linear", "neural"])
 def test_learning_makes_demonstrations_that_were_not_seen_likelier(changes: dict[str, Any]) -> None:
     steps = {"algorithm.steps": {"alpha": 1.0, "beta": 1.0}, "algorithm.rollouts": 40, **FROM_DEMONSTRATIONS}
@@ -157,7 +145,7 @@ def test_learning_makes_demonstrations_that_were_not_seen_likelier(changes: dict
     history = simulate(settings, drone_streams(settings))
     unseen = stacked(drone_streams(settings, seed=1)["ann"])
     meaning = evaluation_policy(settings, "ann", game)
-    before, after = (log_likelihood(meaning(history["ann"][n]), game, unseen) for n in (0, -1))
+    before, after = (log_ratios(meaning(history["ann"][n]), unseen).mean() for n in (0, -1))
     assert after > before + 3
 
 
@@ -184,7 +172,7 @@ def test_the_reward_model_is_that_of_the_settings(changes: dict[str, Any], model
     assert isinstance(build_learner(settings, "ann").estimator.reward, model)
     assert isinstance(me_gradient(settings).estimator.reward, TrueDroneReward)
     planner: Any = build_learner(settings, "ann").estimator.planner
-    assert (planner.spacing, planner.temperature) == (0.4, 1.0)
+    assert (planner.spacing, planner.temperature) == (0.173, 1.0)
 
 
 def me_gradient(of: Experiment) -> Bics:
@@ -223,8 +211,9 @@ def test_me_gradient_of_drones_descends_the_difference_of_cost_features_alone() 
     seen = stacked([stream[0] for stream in drone_streams(settings).values()])
     after = method.update(method.initial_state(), seen).parameters
     none = np.zeros(len(game.cost_features.names))
-    policy = LatticePlanner(game, TrueDroneReward(game), 0.4, 1.0).plan(np.zeros(0), none)
-    imagined = drone_rollouts(game, policy, 6, np.random.default_rng([3, 1]))
+    rng = np.random.default_rng([3, 1])
+    policy = LatticePlanner(game, TrueDroneReward(game), 0.173, 1.0).plan(np.zeros(0), none, rng=rng)
+    imagined = drone_rollouts(game, policy, 6, rng)
     totals = [game.cost_features.total(discounted_visitation(of, 0.9)) for of in (imagined, seen)]
     share = 1 / settings.algorithm.window
     np.testing.assert_allclose(after.omega, -3.0 * share * (totals[0] - totals[1]), rtol=0, atol=1e-12)
@@ -235,10 +224,11 @@ def test_policies_are_judged_with_the_reward_that_their_parameters_belong_to() -
     settings = drone_experiment()
     game = drone_game(settings)
     omega = np.random.default_rng(0).normal(size=len(game.cost_features.names))
+    starts = game.starts(5, np.random.default_rng(2))
     found = evaluation_policy(settings, "me_gradient", game)(Parameters(np.zeros(0), omega))
-    expected = LatticePlanner(game, TrueDroneReward(game), 0.4, 1.0).plan(np.zeros(0), omega)
-    np.testing.assert_array_equal(found.values, expected.values)
+    expected = LatticePlanner(game, TrueDroneReward(game), 0.173, 1.0).plan(np.zeros(0), omega)
+    np.testing.assert_array_equal(found.values(0, starts), expected.values(0, starts))
     theta = np.random.default_rng(1).normal(size=len(game.reward_features.names))
     found = evaluation_policy(settings, "bics", game)(Parameters(theta, omega))
-    expected = LatticePlanner(game, LinearDroneReward(game), 0.4, 1.0).plan(theta, omega)
-    np.testing.assert_array_equal(found.values, expected.values)
+    expected = LatticePlanner(game, LinearDroneReward(game), 0.173, 1.0).plan(theta, omega)
+    np.testing.assert_array_equal(found.values(0, starts), expected.values(0, starts))

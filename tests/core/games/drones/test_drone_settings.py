@@ -27,7 +27,7 @@ def test_the_digest_is_of_what_decides_trajectories_alone() -> None:
         {"drones.0.start_spread": 0.05},
         {"step_cost": 0.6},
         {"features.effort_scale": 0.4},
-        {"features.distance_widths": (0.5, 0.2)},
+        {"features.distance_levels": (0.5, 0.2)},
     ]
     assert {arena(2, change).digest for change in others} == {arena(2).digest}
 

@@ -29,7 +29,7 @@ ARENA: dict[str, Any] = {
     ],
     "horizon": 3,
     "least_distance": 0.3,
-    "features": {"cost_spacing": 0.5, "cost_width": 0.3, "distance_widths": (0.2, 0.5), "distance_scale": 2.0},
+    "features": {"cost_spacing": 0.5, "cost_width": 0.3, "distance_levels": (0.2, 0.5), "distance_scale": 2.0},
 }
 RNG = np.random.default_rng(7)
 
@@ -65,12 +65,12 @@ def test_costs_of_places_keep_their_shape(game: DroneGame, omega: np.ndarray) ->
 
 def test_a_disc_is_covered_evenly_and_a_rim_is_a_circle() -> None:
     centre, radius = (1.0, -2.0), 0.6
-    away = disc(centre, radius) - centre
+    away = disc(centre, radius, 2000) - centre
     np.testing.assert_allclose(away.mean(axis=0), 0, atol=1e-3)
     np.testing.assert_allclose((away**2).mean(axis=0), radius**2 / 4, rtol=1e-2)  # of a disc
     np.testing.assert_allclose((away[:, 0] ** 4).mean(), radius**4 / 8, rtol=1e-2)
     assert np.hypot(*away.T).max() < radius
-    np.testing.assert_allclose(np.hypot(*(rim(centre, radius) - centre).T), radius)
+    np.testing.assert_allclose(np.hypot(*(rim(centre, radius, 360) - centre).T), radius)
 
 
 def test_costs_of_a_obstacle_are_means_over_the_places_that_a_drone_may_not_enter(
@@ -104,7 +104,7 @@ def test_closeness_is_the_least_margin_over_a_large_distance(game: DroneGame) ->
     omega = np.zeros(len(game.cost_features.names))
     omega[-4:-2] = -1.0, -0.5
     # Costs fall with the distance, so that the cheapest too small one is the least distance itself.
-    near, far = (2.0 * (np.exp(-(d**2) / (2 * 0.2**2)) + 0.5 * np.exp(-(d**2) / (2 * 0.5**2))) for d in (0.3, 1.0))
+    near, far = (2.0 * (1 / (1 + np.exp((d - 0.2) / 0.03)) + 0.5 / (1 + np.exp((d - 0.5) / 0.03))) for d in (0.3, 1.0))
     np.testing.assert_allclose(closeness_costs(game, omega), near - far)
     assert closeness_costs(game, -omega)[0] < 0
     assert closeness_costs(game, 0 * omega) == 0

@@ -236,7 +236,7 @@ def test_it_comes_near_the_lattice(temperature: float, searches: int) -> None:
     """
     game, theta, omega = hall()
     reward, seeds = LinearDroneReward(game), iter(range(100))
-    near = LatticePlanner(game, reward, 0.1, temperature).plan(theta, omega)
+    near = LatticePlanner(game, reward, 0.25 / 7**0.5, temperature).plan(theta, omega)
     one = SacPlanner(game, reward, temperature, hidden=64, first_steps=600, steps=200)
     policy = None
     for _ in range(searches):
@@ -247,7 +247,7 @@ def test_it_comes_near_the_lattice(temperature: float, searches: int) -> None:
         for each in (near, policy)
     ]
     distance = visitation_distance(visits)
-    uniform = LatticePlanner(game, reward, 0.1, 1000.0).plan(theta, omega)
+    uniform = LatticePlanner(game, reward, 0.25 / 7**0.5, 1000.0).plan(theta, omega)
     idle = place_visitation(game, drone_rollouts(game, uniform, 2000, np.random.default_rng(9)), 0.25)
     if temperature < 1:
         assert visitation_distance([visits[0], idle]) > 0.5

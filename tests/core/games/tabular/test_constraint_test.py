@@ -17,6 +17,7 @@ from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import simulate
 from mabirds_core.games.interface import Trajectories, shown_features
 from mabirds_core.games.patrol.game import PatrolGame
+from mabirds_core.games.tabular import constraint_test
 from mabirds_core.games.tabular.constraint_test import USED, constraint_confidences, touch_probability
 from mabirds_core.planners.occupancy import rollouts
 from mabirds_core.planners.soft_bellman import soft_bellman_policy
@@ -215,3 +216,13 @@ def test_starts_and_goals_are_never_called() -> None:
         for expert in range(2):
             for row, column in (*(start[expert] for start in game.settings.starts), game.settings.goals[expert]):
                 assert answer[f"expert_{expert + 1} in ({row}, {column})"] == USED
+
+
+@pytest.mark.parametrize("scale", [0.5, 5.0])
+def test_by_expert_it_says_what_it_says_by_tables(scale: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    game = nine_cells()
+    parameters, shown = random_parameters(game, np.random.default_rng(11), scale), around(game, 12)
+    by_expert = confidences(game, parameters, shown)
+    monkeypatch.setattr(constraint_test, "factored_reward", lambda *_: None)
+    np.testing.assert_allclose(by_expert, confidences(game, parameters, shown), rtol=0, atol=1e-10)
+    assert (by_expert > 0).any()

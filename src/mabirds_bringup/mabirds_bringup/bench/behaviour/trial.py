@@ -17,9 +17,13 @@ from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History, simulate, simulate_central
 from mabirds_core.games.interface import Trajectories, shown_features
 from mabirds_core.games.tabular.decidable import touch_without
+from mabirds_core.games.whole_game import ImitationMetrics
 from mabirds_core.metrics.constraints import by_threshold, constraint_errors, ranking_auc
 from mabirds_core.metrics.curves import LATE, late_mean, late_minimum
 from mabirds_core.metrics.likelihood import log_likelihoods
+
+LEVELS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99)
+"""Confidences at which constraints are counted, beside the experiment's: what any choice of it would give."""
 
 MABIRDS, PAPER, COUNTING = "MA-BIRDS", "paper's steps", "never visited"
 
@@ -64,6 +68,17 @@ def tabular_game(experiment: Experiment) -> Any:
     return game
 
 
+def _worst(rates: Sequence[ImitationMetrics], count: int) -> Row:
+    """The least successful of the last iterates: its number, and how often its policy violates or comes too late."""
+    worst = min(range(len(rates)), key=lambda k: rates[k].success_rate)
+    success, violation = rates[worst].success_rate, rates[worst].violation_rate
+    return {
+        "worst_iteration": count - len(rates) + worst + 1,
+        "worst_violation": violation,
+        "worst_too_late": 1 - success - violation,
+    }
+
+
 class _Judged:
     """Measures of one problem."""
 
@@ -99,6 +114,7 @@ class _Judged:
             "violation": rates[-1].violation_rate,
             "late_mean": late_mean(success),
             "late_minimum": late_minimum(success),
+            **_worst(rates, len(parameters)),
             "nats": float(log_likelihoods(game, policies[-1], self._problem.held_out).mean()),
             "occupancy_distance": game.judge.distance([policies[-1], self._experts], 0),
         }
@@ -123,4 +139,7 @@ class _Judged:
             "decidable": int(decidable.sum()),
             "found": int((learned & decidable).sum()),
             "auc": ranking_auc(scores, truth),
+            "called_at": [int((scores >= level).sum()) for level in LEVELS],
+            "false_at": [int((~truth & (scores >= level)).sum()) for level in LEVELS],
+            "found_at": [int((decidable & (scores >= level)).sum()) for level in LEVELS],
         }

@@ -171,21 +171,22 @@ class Networks:
         return torch.cat([2 * places / self.dynamics.arena - 1, velocities / self.dynamics.max_speed], dim=2).flatten(1)
 
     def seen(self, states: Tensor) -> Tensor:
-        """States as networks see them: also through RBFs of each drone's place and of each pair's distance."""
+        """States as networks see them: also through RBFs of each drone's place and steps of each pair's distance."""
         places = states.view(len(states), self.game.n_experts, -1)[..., :2]
         x, y = (torch.exp(-(((places[..., i, None] - self._axes[i]) / self._width) ** 2) / 2) for i in (0, 1))
         parts = [self.plain(states), (x[..., :, None] * y[..., None, :]).flatten(1)]
         if self.game.pairs:
             first, second = np.transpose(self.game.pairs).tolist()
             distances = (((places[:, first] - places[:, second]) ** 2).sum(-1) + MIN_SQUARE).sqrt()[..., None]
-            parts += [distances.flatten(1), torch.exp(-((distances / self._distances) ** 2) / 2).flatten(1)]
+            steps = ((self._levels - distances) / self.game.settings.features.distance_softness).sigmoid()
+            parts += [distances.flatten(1), steps.flatten(1)]
         return torch.cat(parts, dim=1)
 
     @property
     def _seen(self) -> int:
         """Numbers in ``seen`` for each state."""
-        rbfs, distances = self.game.reward_features.grid.size, len(self.game.settings.features.distance_widths)
-        return self.game.state_size + self.game.n_experts * rbfs + len(self.game.pairs) * (1 + distances)
+        rbfs, levels = self.game.reward_features.grid.size, len(self.game.settings.features.distance_levels)
+        return self.game.state_size + self.game.n_experts * rbfs + len(self.game.pairs) * (1 + levels)
 
     @cached_property
     def _axes(self) -> list[Tensor]:
@@ -196,8 +197,8 @@ class Networks:
         return self.game.reward_features.grid.width
 
     @cached_property
-    def _distances(self) -> Tensor:
-        return self._tensor(self.game.settings.features.distance_widths)
+    def _levels(self) -> Tensor:
+        return self._tensor(self.game.settings.features.distance_levels)
 
     @cached_property
     def _waves(self) -> Tensor:

@@ -79,6 +79,11 @@ class DroneDynamics:
         return self.max_speed if self.max_acceleration is None else self.max_acceleration
 
     @property
+    def reach(self) -> float:
+        """How far a drone flies in a time step, at most [m]."""
+        return self.time_step * self.max_speed
+
+    @property
     def action_unit(self) -> str:
         """Unit of an action, for people."""
         return "m/s" if self.max_acceleration is None else "m/s^2"

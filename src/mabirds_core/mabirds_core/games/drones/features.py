@@ -1,4 +1,4 @@
-"""Features of the drone game: Gaussian radial basis functions (RBFs) of places and of distances, and effort.
+"""Features of the drone game: Gaussian radial basis functions (RBFs) of places, steps of distances, and effort.
 
 Each is a sum of terms of one drone and of two drones, which the lattice planner needs to know apart:
 
@@ -15,6 +15,9 @@ from mabirds_core.arrays import Array, Vector
 from mabirds_core.games.drones.settings import DroneFeatureSettings, DroneSettings
 from mabirds_core.games.drones.space import DroneSpace
 from mabirds_core.games.interface import Visitation
+
+MOST_EXPONENT = 700.0
+"""exp of more overflows; steps are 0 long before."""
 
 
 class DroneReward(Protocol):
@@ -183,16 +186,19 @@ class RbfGrid:
 
 
 class DroneCostFeatures:
-    """phi: RBFs of each drone's place, then RBFs of each pair's distance, then each drone's effort.
+    """phi: RBFs of each drone's place, then steps of each pair's distance, then each drone's effort.
 
     RBFs fade out towards a drone's own goal region, which rewards are to explain: phi_c(p) = rbf_c(p)
-    (1 - exp(-|p - goal|^2 / 2 radius^2)). Effort is (|a| / largest action)^2 times ``effort_scale``.
+    (1 - exp(-|p - goal|^2 / 2 radius^2)). Steps are distance_scale / (1 + exp((d - level) / softness)), for drones that
+    are nearer than the level and no others: RBFs of the distance cannot tell many flights at .5 m from a few through
+    each other. Effort is (|a| / largest action)^2 times ``effort_scale``.
     """
 
     def __init__(self, space: DroneSpace, settings: DroneSettings, max_action: float) -> None:
         features = settings.features
-        self._space, self._widths = space, np.array(features.distance_widths)
-        self._goals, self._distance_scale = [task.goal_region for task in settings.drones], features.distance_scale
+        self._space, self._levels = space, np.array(features.distance_levels)
+        self._goals = [task.goal_region for task in settings.drones]
+        self._distance_scale, self._softness = features.distance_scale, features.distance_softness
         self.grid = RbfGrid(space.sides, space.grid(features.cost_spacing), features.cost_width)
         self._effort = features.effort_scale / max_action**2
 
@@ -202,24 +208,25 @@ class DroneCostFeatures:
         drones = range(1, self._space.n_experts + 1)
         return (
             *(f"drone_{i} near ({x:.2f}, {y:.2f}) m" for i in drones for x, y in self.grid.nodes),
-            *(f"drones {i + 1} and {j + 1} within {w:g} m" for i, j in self._space.pairs for w in self._widths),
+            *(f"drones {i + 1} and {j + 1} within {w:g} m" for i, j in self._space.pairs for w in self._levels),
             *(f"drone_{i} effort" for i in drones),
         )
 
     def _parts(self, weights: Vector) -> tuple[Array, Array, Vector]:
-        """Weights of places (N_E, X Y), of distances (pairs, widths) and of effort (N_E,)."""
+        """Weights of places (N_E, X Y), of distances (pairs, levels) and of effort (N_E,)."""
         n, pairs = self._space.n_experts, len(self._space.pairs)
-        places, distances, effort = np.split(weights, np.cumsum([n * self.grid.size, pairs * len(self._widths)]))
-        return places.reshape(n, -1), distances.reshape(pairs, len(self._widths)), effort
+        places, distances, effort = np.split(weights, np.cumsum([n * self.grid.size, pairs * len(self._levels)]))
+        return places.reshape(n, -1), distances.reshape(pairs, len(self._levels)), effort
 
     def _fade(self, drone: int, places: Array) -> Vector:
         goal = self._goals[drone]
         away = ((places - goal.centre) ** 2).sum(axis=-1)
         return np.asarray(1 - np.exp(-away / (2 * goal.radius**2)))
 
-    def _distance_rbfs(self, distances: Array) -> Array:
-        """scale exp(-d^2 / 2 width^2), shape (*distances.shape, widths)."""
-        return np.asarray(self._distance_scale * np.exp(-(distances[..., None] ** 2) / (2 * self._widths**2)))
+    def _steps(self, distances: Array) -> Array:
+        """scale / (1 + exp((d - level) / softness)), shape (*distances.shape, levels)."""
+        beyond = (distances[..., None] - self._levels) / self._softness
+        return np.asarray(self._distance_scale / (1 + np.exp(np.minimum(beyond, MOST_EXPONENT))))
 
     def total(self, visitation: Visitation) -> Vector:
         """sum_k weights[k] phi(states[k], actions[k]), shape (K,)."""
@@ -228,7 +235,7 @@ class DroneCostFeatures:
         return np.concatenate(
             [
                 *(self.grid.total(places[:, i], weights * self._fade(i, places[:, i])) for i in range(space.n_experts)),
-                *(weights @ self._distance_rbfs(distances) for distances in pair_distances(space, states)),
+                *(weights @ self._steps(distances) for distances in pair_distances(space, states)),
                 weights @ (controls**2).sum(axis=-1) * self._effort,
             ]
         )
@@ -242,7 +249,7 @@ class DroneCostFeatures:
 
     def pairwise(self, weights: Vector, pair: int, distances: Array) -> Array:
         """Costs of a pair's distance."""
-        return np.asarray(self._distance_rbfs(distances) @ self._parts(weights)[1][pair])
+        return np.asarray(self._steps(distances) @ self._parts(weights)[1][pair])
 
 
 class DroneRewardFeatures:

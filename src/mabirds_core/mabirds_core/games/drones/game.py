@@ -98,7 +98,7 @@ class DroneGame:
 
     @cached_property
     def cost_features(self) -> DroneCostFeatures:
-        """phi: RBFs of each drone's place, RBFs of two drones' distance, each drone's effort."""
+        """phi: RBFs of each drone's place, steps of two drones' distance, each drone's effort."""
         return DroneCostFeatures(self.space, self.settings, self.dynamics.max_action)
 
     @cached_property
@@ -108,12 +108,12 @@ class DroneGame:
 
     @cached_property
     def true_constraints(self) -> Mask:
-        """RBFs at whose centre a drone would touch an obstacle, and RBFs of distances that are too small."""
+        """RBFs at whose centre a drone would touch an obstacle, and steps at distances that are too small."""
         nodes, settings = self.cost_features.grid.nodes, self.settings
         inside = np.zeros(len(nodes), dtype=bool)
         for obstacle in settings.obstacles:
             inside |= np.hypot(*(nodes - obstacle.centre).T) < obstacle.radius + settings.drone_radius
-        close = [width <= settings.least_distance for width in settings.features.distance_widths]
+        close = [level <= settings.least_distance for level in settings.features.distance_levels]
         return np.array([*np.tile(inside, self.n_experts), *close * len(self.pairs), *[False] * self.n_experts])
 
     def obstacle_clearance(self, states: Array) -> Array:

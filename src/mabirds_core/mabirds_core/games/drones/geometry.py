@@ -68,3 +68,25 @@ def swept_separation(starts: tuple[Array, Array], ends: tuple[Array, Array]) -> 
         Shape (...).
     """
     return closest_approach(starts[0] - starts[1], ends[0] - ends[1])
+
+
+def disc(centre: tuple[float, float], radius: float, points: int) -> Array:
+    """Places spread evenly over a disc (a sunflower's seeds).
+
+    Parameters
+    ----------
+    centre : tuple[float, float]
+        x and y [m].
+    radius : float
+        In metres.
+    points : int
+        How many.
+
+    Returns
+    -------
+    Array
+        Shape (points, 2) [m].
+    """
+    numbers = np.arange(points)
+    angles, radii = np.pi * (1 + np.sqrt(5)) * numbers, radius * np.sqrt((numbers + 0.5) / points)
+    return np.asarray(centre + radii[:, None] * np.column_stack([np.cos(angles), np.sin(angles)]))

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from mabirds_core.arrays import Vector
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.metrics import drone_imitation, place_visitation, visitation_distance
 from mabirds_core.games.drones.rollouts import DronePolicy, drone_rollouts
@@ -17,6 +18,10 @@ EVAL_ROLLOUTS = 500
 
 MAX_EVAL_ITERATIONS = 13
 """Iterations of a learner that are judged; each takes a second."""
+
+
+CERTIFIED = 16
+"""Flights along which the value of a policy is checked."""
 
 
 @dataclass(frozen=True)
@@ -58,8 +63,19 @@ class RolloutJudge:
         drawn = (self.rollouts(policy, seed, rollouts or EVAL_ROLLOUTS) for policy in policies)
         return visitation_distance([place_visitation(self.game, trajectories) for trajectories in drawn])
 
-    def log_likelihoods(self, policy: Any, demonstrations: Trajectories) -> None:
-        """Not said: policies of the lattice interpolate, and their densities are not normalised."""
+    def log_likelihoods(self, policy: Any, demonstrations: Trajectories) -> Vector | None:
+        """Nats by which demonstrations are likelier than under the uniform policy; None for densities of networks."""
+        if not hasattr(policy, "choices"):
+            return None
+        from mabirds_core.games.drones.demonstrated import log_ratios  # needs scipy, which only lattices need
+
+        return log_ratios(policy, demonstrations)
+
+    def certificate(self, policy: Any, seed: int) -> float | None:
+        """Over a few flights; networks have none."""
+        if not hasattr(policy, "residuals"):
+            return None
+        return float(np.abs(policy.residuals(self.rollouts(policy, seed, CERTIFIED))).max())
 
     def constraint_confidences(self, reward: Any, parameters: Any, shown: ShownFeatures) -> None:
         """No test yet: constraints are told by the threshold."""

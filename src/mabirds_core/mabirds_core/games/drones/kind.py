@@ -16,7 +16,7 @@ def build_drones(settings: DroneSettings) -> Any:
 
 
 def build_lattice(settings: LatticeSettings, game: Any, reward: Any) -> Any:
-    """Build the near-exact planner.
+    """Build the planner that is exact on lattices.
 
     Parameters
     ----------

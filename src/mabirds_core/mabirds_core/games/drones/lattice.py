@@ -1,129 +1,285 @@
-"""The constrained soft Bellman policy of one or two drones by soft value iteration on a lattice of places.
+"""The constrained soft Bellman policy of one or two drones that fly from node to node of a lattice.
 
-At temperature tau, with the base measure mu of actions uniform in the disc of radius max_speed,
+At temperature tau, with the base measure mu of the moves to the nodes within reach (``nodes``),
 
     Q_t(s, a) = r_theta(s, a) + omega^T phi(s, a) + gamma V_{t+1}(s')
-    V_t(s)    = tau log E_{a ~ mu} exp(Q_t(s, a) / tau),     V_{T+1} = 0,     pi_t(a|s) ~ mu(a) exp(Q_t(s, a) / tau)
+    V_t(s)    = tau log sum_a mu(a) exp(Q_t(s, a) / tau),     V_{T+1} = 0,     pi_t(a|s) = mu(a) exp((Q_t - V_t) / tau)
 
-which is the soft Bellman policy of the reward divided by tau. Rewards are sums of terms of one drone and of a pair
-(``features``), and drones move independently of one another. Hence the backup factorises. With Y = exp(gamma
-V_{t+1} / tau) on the lattice nodes of both drones and exp(gamma V / tau) interpolated between them, it is
+which is the soft Bellman policy of the reward divided by tau. Flights from node to node are flights of the drone game,
+so this game is solved exactly: along every flight, however likely,
 
-    exp(V_t / tau) = exp(r_12 / tau) * ( K_1 Y K_2^T ),     K_i[s, s'] = sum_a mu(a) exp(r_i(s, a) / tau) B_i[s, a, s']
+    V_0(s_0) = sum_t gamma^t ( r_t - log pi_t/mu )
 
-where B_i[s, a, .] are the bilinear weights of the place that action a leads to: two sparse products per step instead
-of a sum over all joint actions. mu is taken at 25 actions per drone. In the game itself, the policy chooses among the
-same actions, by V_{t+1} interpolated between the nodes.
+(``LatticePolicy.residuals`` is by how much it is missed). Rewards are sums of terms of one drone and of a pair, and
+drones move independently of one another; hence they are solved for one by one, and ``coupling`` has what is left.
+
+A lattice has corners that no other has, and what is learned on one grid alone belongs to it. So every plan takes one of
+several lattices, which are rotated and shifted against each other.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csr_array
 
-from mabirds_core.arrays import Array, Indices, Mask, Vector
-from mabirds_core.games.drones.features import DroneReward
+from mabirds_core.arrays import Array, Indices, Vector
+from mabirds_core.games.drones.coupling import Codes, PairProblem, Table, couple, padded
+from mabirds_core.games.drones.drone_nodes import DroneNodes, Rewards, pair_rewards
+from mabirds_core.games.drones.features import total_reward
 from mabirds_core.games.drones.game import DroneGame
+from mabirds_core.games.drones.lone_drone import LoneDrone, log_shares, log_sum_exp
+from mabirds_core.games.drones.nodes import NodeLattice, Shape
 from mabirds_core.games.drones.rewards import DroneRewardModel
-from mabirds_core.games.drones.stencils import Lattice, action_rewards
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.planners.interface import Policy
 
-UNDERFLOW = 1e-250
-"""Below this, beside the best that two drones could do without each other, sums of exp have lost their precision."""
 
-CHUNK = 5_000_000
-"""Terms that are summed up in logs at once."""
+class Choices(NamedTuple):
+    """What can be done in M joint states.
+
+    Attributes
+    ----------
+    nodes : list[Indices]
+        Where the moves of each drone lead, shape (M, A_i); -1 where there is no such move.
+    log_shares : Array
+        log mu of joint moves, shape (M, A_1, A_2), or (M, A_1, 1) for a single drone; -inf where there is none.
+    scores : Array
+        log mu + Q_t / tau without what the pair earns in s, of the same shape.
+    """
+
+    nodes: list[Indices]
+    log_shares: Array
+    scores: Array
+
+    @property
+    def totals(self) -> Vector:
+        """log of the sum of exp of the scores, shape (M,)."""
+        return log_sum_exp(self.scores.reshape(len(self.scores), -1))
+
+    def log_ratios(self, nodes: list[Indices]) -> Vector:
+        """log pi_t/mu of joint moves.
+
+        Parameters
+        ----------
+        nodes : list[Indices]
+            Where each drone goes, shape (M,) each.
+
+        Returns
+        -------
+        Vector
+            In nats, shape (M,).
+
+        Raises
+        ------
+        ValueError
+            Some of them are no moves from there.
+        """
+        found = [of == node[:, None] for of, node in zip(self.nodes, nodes, strict=True)]
+        if not all(one.any(axis=1).all() for one in found):
+            raise ValueError("expected moves to nodes within reach; these flights are of another lattice")
+        columns = [*(one.argmax(axis=1) for one in found), np.zeros(len(self.scores), np.int64)][:2]
+        at = (np.arange(len(self.scores)), *columns)
+        return np.asarray(self.scores[at] - self.log_shares[at] - self.totals)
 
 
 @dataclass(frozen=True)
 class LatticePolicy:
-    """The policy, kept as V_t / tau on the nodes of both drones."""
+    """The policy, kept as what each drone is worth alone and what they cost each other."""
 
-    lattice: Lattice
-    rewards: tuple[tuple[DroneReward, Vector], ...]
-    """What r is the sum of, each with its parameters."""
+    game: DroneGame
+    rewards: Rewards
     temperature: float
-    values: Array
-    """Shape (T + 2, S, S), or (T + 2, S, 1) for a single drone."""
+    drones: list[LoneDrone]
+    tables: list[Table]
+    """C_t for t = 1 .. T; none for a single drone, and none any more of a policy that was used up."""
+    memory: Codes
+    """Where they are kept."""
+
+    def release(self) -> Codes:
+        """Its memory, for another policy: this one cannot be followed any more."""
+        self.tables.clear()
+        return self.memory
 
     def act(self, step: int, states: Array, rng: np.random.Generator) -> Array:
-        """An action of each drone for M joint states (M, N_E D), shape (M, 2 N_E)."""
-        velocities, _ = self.lattice.action_set
-        scores = self.log_weights(step, states).reshape(len(states), -1)
+        """An action of each drone for M joint states (M, N_E D), shape (M, 2 N_E): they lead to nodes exactly."""
+        choices = self.choices(step, states)
+        scores = choices.scores.reshape(len(states), -1)
         cumulative = np.exp(scores - scores.max(axis=1, keepdims=True)).cumsum(axis=1)
         drawn = (cumulative <= rng.random((len(states), 1)) * cumulative[:, -1:]).sum(axis=1)
-        n = self.lattice.game.n_experts
-        chosen = np.stack(np.unravel_index(drawn, (len(velocities),) * n), axis=1)
-        return np.asarray(velocities[chosen].reshape(len(states), -1))
+        chosen = np.unravel_index(drawn, choices.scores.shape[1:])
+        rows = np.arange(len(states))
+        return self._velocities(states, [moves[rows, chosen[i]] for i, moves in enumerate(choices.nodes)])
 
-    def log_weights(self, step: int, states: Array) -> Array:
-        """log mu(a) + Q_t(s, a) / tau up to terms that depend on s alone.
+    def choices(self, step: int, states: Array) -> Choices:
+        """Moves of M joint states.
 
         Parameters
         ----------
         step : int
             t.
         states : Array
-            Joint states, shape (M, N_E D).
+            Shape (M, N_E D).
 
         Returns
         -------
-        Array
-            Shape (M, A, A), or (M, A, 1) for a single drone.
+        Choices
+            And what they are worth.
+
+        Raises
+        ------
+        ValueError
+            A state cannot be reached by then from the squares of P_0, so that nothing was planned for it.
         """
-        game, ahead = self.lattice.game, self.values[step + 1]
-        stencils, drones = self.lattice.stencils(game.positions(states)), game.drones(states)
-        unary = [
-            action_rewards(self.lattice, self.rewards, i, drones[:, i], self.temperature) for i in range(game.n_experts)
-        ]
-        first = stencils.nodes[:, 0]
-        if game.n_experts == 1:
-            return np.asarray(unary[0][:, :, None] + game.discount * (stencils.weights[:, 0] @ ahead[first]))
-        around = ahead[first[:, :, None], stencils.nodes[:, 1][:, None, :]]
-        backup = stencils.weights[:, 0] @ around @ stencils.weights[:, 1].swapaxes(1, 2)
-        return np.asarray(unary[0][:, :, None] + unary[1][:, None, :] + game.discount * backup)
+        places = self.game.positions(states)
+        moves = [drone.nodes.moves_from(places[:, i]) for i, drone in enumerate(self.drones)]
+        nodes, shares = [of.nodes for of in moves], [log_shares(of.shares) for of in moves]
+        scores = [shares[i] + self._lone_worth(i, step, places[:, i], nodes[i]) for i in range(self.game.n_experts)]
+        if len(moves) == 1:
+            return Choices(nodes, shares[0][:, :, None], scores[0][:, :, None])
+        joint = scores[0][:, :, None] + scores[1][:, None, :]
+        if step < self.game.horizon:
+            joint += self.game.discount * self._coupling(step + 1, places, nodes)
+        return Choices(nodes, shares[0][:, :, None] + shares[1][:, None, :], joint)
+
+    def values(self, step: int, states: Array) -> Vector:
+        """V_t / tau of joint states.
+
+        Parameters
+        ----------
+        step : int
+            t.
+        states : Array
+            Shape (M, N_E D).
+
+        Returns
+        -------
+        Vector
+            Shape (M,).
+        """
+        return self._here(states) + self.choices(step, states).totals
+
+    def residuals(self, trajectories: Trajectories) -> Vector:
+        """The certificate: V_0(s_0) - sum_t gamma^t ( r_t - log pi_t/mu ) along flights from node to node.
+
+        Parameters
+        ----------
+        trajectories : Trajectories
+            Flights of this policy, m of them.
+
+        Returns
+        -------
+        Vector
+            In nats, shape (m,): 0 but for rounding.
+        """
+        game, states, actions = self.game, *trajectories
+        result = self.values(0, states[:, 0])
+        for step in range(game.horizon + 1):
+            here, action = states[:, step], actions[:, step]
+            earned = sum(total_reward(game.space, of, weights, here, action) for of, weights in self.rewards)
+            ratios = self.choices(step, here).log_ratios(self._nodes(game.step(here, action)))
+            result -= game.discount**step * (earned / self.temperature - ratios)
+        return result
+
+    def _nodes(self, states: Array) -> list[Indices]:
+        """The nodes where the drones of joint states are; the nearest ones for places between nodes."""
+        places = self.game.positions(states)
+        return [drone.nodes.nearest(places[:, i]) for i, drone in enumerate(self.drones)]
+
+    def _velocities(self, states: Array, nodes: list[Indices]) -> Array:
+        places = self.game.positions(states)
+        ways = [drone.nodes.velocities(places[:, i], nodes[i][:, None]) for i, drone in enumerate(self.drones)]
+        return np.concatenate([way[:, 0] for way in ways], axis=1)
+
+    def _lone_worth(self, drone: int, step: int, places: Array, nodes: Indices) -> Array:
+        """r_i / tau + gamma V^i_{t+1} of moves (M, A)."""
+        alone = self.drones[drone]
+        rewards = alone.nodes.rewards(self.rewards, places, nodes) / self.temperature
+        return np.asarray(rewards + self.game.discount * alone.values[step + 1][nodes])
+
+    def _here(self, states: Array) -> Vector:
+        """r_12 / tau in joint states."""
+        if self.game.n_experts == 1:
+            return np.zeros(len(states))
+        away = np.diff(self.game.positions(states), axis=1)[:, 0]
+        distances = np.sqrt((away**2).sum(axis=1))
+        total = sum((of.pairwise(weights, 0, distances) for of, weights in self.rewards), np.zeros(len(states)))
+        return np.asarray(total / self.temperature)
+
+    def _coupling(self, step: int, places: Array, nodes: list[Indices]) -> Array:
+        """C_t where joint moves lead, shape (M, A_1, A_2)."""
+        if not self.tables:
+            raise ValueError("this policy was the previous one of another plan, which took its memory; plan anew")
+        for i, drone in enumerate(self.drones):
+            late = (nodes[i] >= drone.nodes.reached[step - 1]).any(axis=1)
+            if late.any():
+                where = places[late, i][0].round(3).tolist()
+                raise ValueError(
+                    f"drone {i + 1} at {where} before step {step}: not planned for, as it cannot get there from its"
+                    " square of starts; make start_spread larger"
+                )
+        return self.tables[step - 1].values(np.maximum(nodes[0], 0)[:, :, None], np.maximum(nodes[1], 0)[:, None, :])
 
 
 @dataclass(frozen=True)
 class LatticePlanner:
-    """Near-exact: the error is that of the lattice alone. For one or two single integrators."""
+    """Exact on lattices, for one or two single integrators."""
 
     game: DroneGame
     reward_model: DroneRewardModel
     spacing: float
-    """Largest distance of two neighbouring nodes [m]."""
-    temperature: float
+    """Of neighbouring nodes [m], at most the way that a drone flies in a step."""
+    temperature: float = 1.0
+    shape: Shape = "hexagonal"
+    rotations: int = 8
+    """How many lattices there are to draw from. One more is for who does not draw: it judges."""
+    draws: bool = True
+    """Draw a lattice for every plan?"""
 
     @cached_property
-    def lattice(self) -> Lattice:
-        """The nodes, and where actions lead from them."""
-        return Lattice(self.game, self.spacing)
+    def lattices(self) -> list[list[DroneNodes]]:
+        """By number and drone; they are made when they are first looked into."""
+        arena, reach = self.game.settings.arena, self.game.dynamics.reach
+        count, drones = self.rotations + 1, range(self.game.n_experts)
+        lattices = [NodeLattice.one_of(arena, reach, self.spacing, self.shape, k, count) for k in range(count)]
+        return [[DroneNodes(self.game, lattice, i) for i in drones] for lattice in lattices]
 
     def plan(
         self,
         theta: Vector,
         omega: Vector,
-        previous: Policy | None = None,  # noqa: ARG002 - nothing is searched
-        rng: np.random.Generator | None = None,  # noqa: ARG002 - nothing is drawn
+        previous: Policy | None = None,
+        rng: np.random.Generator | None = None,
         observed: Trajectories | None = None,  # noqa: ARG002 - nothing is learned from examples
     ) -> LatticePolicy:
-        """pi(omega, theta)."""
+        """pi(omega, theta) on the lattice that ``rng`` draws, if it does; else on the one that judges.
+
+        A ``previous`` policy is used up: its memory is taken over.
+        """
         rewards = ((self.reward_model, theta), (self.game.cost_features, omega))
-        kernels = [TransitionKernel.of(self.lattice, rewards, i, self.temperature) for i in range(self.game.n_experts)]
-        if len(kernels) == 1:
-            kernels.append(TransitionKernel.trivial())
-            pairwise_terms = np.zeros((1, 1))
-        else:
-            distances = self.lattice.pair_distances
-            pairwise_terms = sum((reward.pairwise(w, 0, distances) for reward, w in rewards), np.zeros_like(distances))
-        values = np.zeros((self.game.horizon + 2, kernels[0].size, kernels[1].size))
-        for step in range(self.game.horizon, -1, -1):
-            values[step] = backup(kernels[0], kernels[1], self.game.discount * values[step + 1])
-            values[step] += pairwise_terms / self.temperature
-        return LatticePolicy(self.lattice, rewards, self.temperature, values)
+        number = 1 + int(rng.integers(self.rotations)) if self.draws and rng is not None else 0
+        nodes = self.lattices[number]
+        drones = [LoneDrone.of(of, rewards, self.temperature) for of in nodes]
+        memory = previous.release() if isinstance(previous, LatticePolicy) else np.empty(0, np.uint16)
+        if len(drones) == 1:
+            return LatticePolicy(self.game, rewards, self.temperature, drones, [], memory)
+        problem = self._pair_problem(drones, rewards)
+        if len(memory) < problem.codes:
+            memory = np.empty(problem.codes, np.uint16)
+        return LatticePolicy(self.game, rewards, self.temperature, drones, couple(problem, memory), memory)
+
+    def _pair_problem(self, drones: list[LoneDrone], rewards: Rewards) -> PairProblem:
+        """What decides C_t of two drones."""
+        first, second = (drone.nodes for drone in drones)
+        scaled = tuple((of, weights / self.temperature) for of, weights in rewards)
+        return PairProblem(
+            lambda i, step: drones[i].kernel(step),
+            np.stack([first.reached, second.reached]),
+            pair_rewards(first, second, scaled, padded(second.size) - second.size),
+            pair_rewards(second, first, scaled, padded(first.size) - first.size),
+            self.game.discount,
+        )
 
     def state_dict(self, policy: Policy) -> dict[str, Array]:  # noqa: ARG002 - nothing is searched
         """No arrays: the planner is exact from any start."""
@@ -131,131 +287,3 @@ class LatticePlanner:
 
     def load_state_dict(self, memory: Mapping[str, Array]) -> None:
         """No policy: the planner needs none to start from."""
-
-
-@dataclass(frozen=True)
-class TransitionKernel:
-    """log K_i of one drone: from each of S nodes to the W nodes around it."""
-
-    nodes: Indices
-    """Shape (S, W)."""
-    logs: Array
-    """Shape (S, W); -inf where no action leads."""
-
-    @classmethod
-    def of(
-        cls, lattice: Lattice, rewards: tuple[tuple[DroneReward, Vector], ...], drone: int, temperature: float
-    ) -> "TransitionKernel":
-        """log K_i from every node of the lattice.
-
-        Parameters
-        ----------
-        lattice : Lattice
-            With S nodes.
-        rewards : tuple[tuple[DroneReward, Vector], ...]
-            What r is the sum of, each with its parameters.
-        drone : int
-            Index i.
-        temperature : float
-            tau.
-
-        Returns
-        -------
-        TransitionKernel
-            Of this drone.
-        """
-        scores = action_rewards(lattice, rewards, drone, lattice.nodes, temperature)
-        with np.errstate(divide="ignore"):
-            weights = np.log(lattice.everywhere.weights[:, drone])
-        logs = np.logaddexp.reduce(scores[:, :, None] + weights, axis=1)
-        return cls(lattice.everywhere.nodes[:, drone], logs)
-
-    @classmethod
-    def trivial(cls) -> "TransitionKernel":
-        """The kernel of a drone that has nowhere to go, for games of one."""
-        return cls(np.zeros((1, 1), dtype=np.int64), np.zeros((1, 1)))
-
-    @property
-    def size(self) -> int:
-        """S, how many nodes there are."""
-        return len(self.nodes)
-
-    @cached_property
-    def reached(self) -> Mask:
-        """Where actions lead, shape (S, W)."""
-        return np.isfinite(self.logs)
-
-    @cached_property
-    def row_ends(self) -> Indices:
-        """Row pointers of the sparse matrix, shape (S + 1,)."""
-        return np.concatenate([[0], self.reached.sum(axis=1).cumsum()])
-
-    def scaled(self, potential: Vector) -> tuple[csr_array, Vector]:
-        """K diag(exp(potential)) with every row divided by exp of the second result, shape (S,)."""
-        terms = self.logs + potential[self.nodes]
-        largest = terms.max(axis=1)
-        entries = np.exp(terms - largest[:, None])[self.reached]
-        columns = self.nodes[self.reached]
-        return csr_array((entries, columns, self.row_ends), shape=(self.size, self.size)), largest
-
-
-def backup(first: TransitionKernel, second: TransitionKernel, ahead: Array) -> Array:
-    """log ( K_1 exp(ahead) K_2^T ).
-
-    Values range over thousands of nats, exp over 700. What one drone's place is worth at best is taken out of
-    ``ahead`` first and goes into that drone's kernel, where it is scaled row by row; what is left is what the drones
-    cost each other. Where even that is too much, every pair of nodes around the drones is summed up in logs.
-
-    Parameters
-    ----------
-    first : TransitionKernel
-        K_1.
-    second : TransitionKernel
-        K_2.
-    ahead : Array
-        gamma V_{t+1} / tau, shape (S, S).
-
-    Returns
-    -------
-    Array
-        Shape (S, S).
-    """
-    best = ahead.max(axis=1)
-    rest = ahead - best[:, None]
-    other = rest.max(axis=0)
-    (k1, shift1), (k2, shift2) = first.scaled(best), second.scaled(other)
-    half = np.ascontiguousarray((k1 @ np.exp(rest - other)).T)
-    total = (k2 @ half).T
-    values = np.asarray(np.log(np.maximum(total, UNDERFLOW)) + shift1[:, None] + shift2)
-    if total.min() < UNDERFLOW:
-        hard = np.argwhere(total < UNDERFLOW)
-        terms = len(hard) * first.nodes.shape[1] * second.nodes.shape[1]
-        for some in np.array_split(hard, 1 + terms // CHUNK):
-            values[tuple(some.T)] = pair_by_pair(first, second, ahead, some)
-    return values
-
-
-def pair_by_pair(first: TransitionKernel, second: TransitionKernel, ahead: Array, states: Indices) -> Vector:
-    """Some entries of ``backup`` without exp of anything but differences to the largest term.
-
-    Parameters
-    ----------
-    first : TransitionKernel
-        K_1.
-    second : TransitionKernel
-        K_2.
-    ahead : Array
-        gamma V_{t+1} / tau, shape (S, S).
-    states : Indices
-        Which entries, shape (H, 2).
-
-    Returns
-    -------
-    Vector
-        Shape (H,).
-    """
-    here, there = states.T
-    terms = ahead[first.nodes[here][:, :, None], second.nodes[there][:, None, :]]
-    terms = terms + first.logs[here][:, :, None] + second.logs[there][:, None, :]
-    most = terms.max(axis=(1, 2))
-    return np.asarray(most + np.log(np.exp(terms - most[:, None, None]).sum(axis=(1, 2))))

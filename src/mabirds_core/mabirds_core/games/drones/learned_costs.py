@@ -6,6 +6,7 @@ import numpy as np
 
 from mabirds_core.arrays import Array, Vector
 from mabirds_core.games.drones.game import DroneGame
+from mabirds_core.games.drones.geometry import disc
 from mabirds_core.games.interface import Trajectories
 
 POINTS = 2000
@@ -64,27 +65,7 @@ def distance_costs(game: DroneGame, omega: Vector, pair: int, distances: Array) 
     return np.asarray(-game.cost_features.pairwise(omega, pair, distances))
 
 
-def disc(centre: tuple[float, float], radius: float) -> Array:
-    """Places spread evenly over a disc (a sunflower's seeds).
-
-    Parameters
-    ----------
-    centre : tuple[float, float]
-        x and y [m].
-    radius : float
-        In metres.
-
-    Returns
-    -------
-    Array
-        Shape (POINTS, 2) [m].
-    """
-    numbers = np.arange(POINTS)
-    angles, radii = np.pi * (1 + np.sqrt(5)) * numbers, radius * np.sqrt((numbers + 0.5) / POINTS)
-    return np.asarray(centre + radii[:, None] * np.column_stack([np.cos(angles), np.sin(angles)]))
-
-
-def rim(centre: tuple[float, float], radius: float) -> Array:
+def rim(centre: tuple[float, float], radius: float, points: int) -> Array:
     """Places on the border of a disc.
 
     Parameters
@@ -93,13 +74,15 @@ def rim(centre: tuple[float, float], radius: float) -> Array:
         x and y [m].
     radius : float
         In metres.
+    points : int
+        How many.
 
     Returns
     -------
     Array
-        Shape (RIM_POINTS, 2) [m].
+        Shape (points, 2) [m].
     """
-    angles = 2 * np.pi * np.arange(RIM_POINTS) / RIM_POINTS
+    angles = 2 * np.pi * np.arange(points) / points
     return np.asarray(centre + radius * np.column_stack([np.cos(angles), np.sin(angles)]))
 
 
@@ -122,7 +105,7 @@ def obstacle_costs(game: DroneGame, omega: Vector) -> tuple[Array, Array]:
     """
     keep = game.settings.drone_radius
     shapes = (
-        np.array([shape(obstacle.centre, obstacle.radius + keep) for obstacle in game.settings.obstacles]).reshape(
+        np.array([shape(obstacle.centre, obstacle.radius + keep, n) for obstacle in game.settings.obstacles]).reshape(
             -1, n, 2
         )
         for shape, n in ((disc, POINTS), (rim, RIM_POINTS))

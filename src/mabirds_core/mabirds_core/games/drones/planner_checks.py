@@ -4,14 +4,12 @@ import math
 
 from mabirds_core.errors import ExperimentError
 from mabirds_core.games.drones.game import DroneGame
+from mabirds_core.games.drones.nodes import COVERING, SLACK, SYMMETRY
 from mabirds_core.games.drones.planner_settings import LatticeSettings, SoftActorCriticSettings
 from mabirds_core.planners.settings import check_rollouts
 
-MAX_VALUES = 200_000_000
-"""Values that a policy on a lattice may keep, and weights of where actions lead: 1.6 gigabytes each."""
-
-LATTICE_ACTIONS = 25
-"""Actions of a drone on a lattice."""
+MAX_VALUES = 800_000_000
+"""Values that a policy on a lattice may keep: 1.6 gigabytes for two drones, 6.4 for one."""
 
 
 def suits_lattice(game: DroneGame) -> bool:
@@ -32,24 +30,56 @@ def check_lattice(lattice: LatticeSettings, game: DroneGame) -> None:
     Raises
     ------
     ExperimentError
-        There are more than two drones, they are no single integrators, or values do not fit into memory.
+        There are more than two drones, they are no single integrators, drones cannot fly from node to node or find
+        none in a goal region, or values do not fit into memory.
     """
-    settings = game.settings
     if not suits_lattice(game):
         raise ExperimentError(
             f"algorithm.policy lattice: made for one or two single integrators, found {game.n_experts} drones that"
-            f" are {settings.dynamics}s; take soft_actor_critic"
+            f" are {game.settings.dynamics}s; take soft_actor_critic"
         )
-    nodes = math.prod(float(count) for count in settings.lattice(lattice.spacing))
-    of_states = nodes**game.n_experts * (game.horizon + 2)
-    of_actions = (
-        nodes * game.n_experts * LATTICE_ACTIONS * math.prod(map(float, settings.stencil_shape(lattice.spacing)))
-    )
-    if (values := max(of_states, of_actions)) > MAX_VALUES:
+    spacing = spacing_of(lattice, game)
+    _check_reach(lattice, spacing, game)
+    nodes = math.prod(game.settings.arena) / (spacing**2 * math.sin(SYMMETRY[lattice.shape]))
+    if (values := nodes**game.n_experts * (game.horizon + 1)) > MAX_VALUES:
         raise ExperimentError(
-            f"algorithm.policy.spacing {lattice.spacing:g} m makes {values:.2g} values, expected at most"
+            f"algorithm.policy.spacing {spacing:g} m makes {values:.2g} values, expected at most"
             f" {MAX_VALUES:.2g}; take a larger one"
         )
+
+
+def spacing_of(lattice: LatticeSettings, game: DroneGame) -> float:
+    """Of neighbouring nodes [m]: 1 / sqrt(3) of the way of a step where the settings do not say.
+
+    Parameters
+    ----------
+    lattice : LatticeSettings
+        Settings of the planner.
+    game : DroneGame
+        Of drones.
+
+    Returns
+    -------
+    float
+        At which a hexagonal lattice has 13 moves.
+    """
+    return game.dynamics.reach / math.sqrt(3) if lattice.spacing is None else lattice.spacing
+
+
+def _check_reach(lattice: LatticeSettings, spacing: float, game: DroneGame) -> None:
+    """Drones must be able to fly to neighbouring nodes, and each goal region must have a node."""
+    if spacing > game.dynamics.reach * (1 + SLACK):
+        raise ExperimentError(
+            f"algorithm.policy.spacing {spacing:g} m: drones fly {game.dynamics.reach:g} m in a step, and would reach"
+            " no other node; take a smaller one"
+        )
+    for number, task in enumerate(game.settings.drones, start=1):
+        least = COVERING[lattice.shape] * spacing
+        if task.goal_region.radius < least:
+            raise ExperimentError(
+                f"game.drones: goal_region of drone {number} has radius {task.goal_region.radius:g} m, and may have no"
+                f" node; expected at least {least:g} m for algorithm.policy.spacing {spacing:g} m"
+            )
 
 
 def check_soft_actor_critic(settings: SoftActorCriticSettings, game: DroneGame) -> None:

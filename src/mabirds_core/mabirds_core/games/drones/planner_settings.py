@@ -8,10 +8,18 @@ from mabirds_core.settings import Settings
 
 
 class LatticeSettings(Settings):
-    """Near-exact: soft value iteration on a lattice, for one or two drones that are single integrators."""
+    """Exact for flights from node to node of a lattice, by one or two drones that are single integrators.
+
+    The longest move should be what a drone flies in a step, or it is slower than it might be: with a hexagonal lattice,
+    spacings of that way divided by 1, sqrt(3), 2 or sqrt(7); with a square one, by 1, sqrt(2), 2 or sqrt(5).
+    """
 
     kind: Literal["lattice"]
-    spacing: float = Field(0.3, ge=1e-6, le=1000, description="largest distance of two nodes [m]")
+    spacing: float | None = Field(
+        None, ge=1e-6, le=1000, description="of neighbouring nodes [m]; default: time_step * max_speed / sqrt(3)"
+    )
+    shape: Literal["hexagonal", "square"] = Field("hexagonal", description="of the lattice")
+    rotations: int = Field(8, ge=1, le=1000, description="lattices, rotated and shifted, of which each iteration draws")
     temperature: float = Field(1.0, gt=0, le=1000, description="tau: the policy is that of the reward divided by it")
 
 

@@ -34,11 +34,18 @@ class DroneTask(Settings):
 
 
 class DroneFeatureSettings(Settings):
-    """Gaussian radial basis functions (RBFs) exp(-d^2 / 2 width^2) that costs and linear rewards are made of."""
+    """What costs and linear rewards are made of.
+
+    Gaussian radial basis functions (RBFs) exp(-d^2 / 2 width^2) of places, and steps 1 / (1 + exp((d - level) /
+    softness)) of two drones' distance d, which say "nearer than this" and nothing else.
+    """
 
     cost_spacing: Length = Field(0.375, description="between the cost features' RBFs [m]")
     cost_width: Length = Field(0.2, description="of the cost features' RBFs [m]")
-    distance_widths: tuple[Length, ...] = Field((0.2, 0.4, 0.6), description="of the RBFs of two drones' distance [m]")
+    distance_levels: tuple[Length, ...] = Field(
+        (0.35, 0.45, 0.6, 0.9), description="below which the steps of two drones' distance are 1 [m]"
+    )
+    distance_softness: Length = Field(0.03, description="over which those steps fall [m]")
     distance_scale: float = Field(1.0, gt=0, le=1000, description="how often those count: drones seldom meet")
     effort_scale: float = Field(0.1, ge=0, le=1000, description="of the feature (|action| / largest action)^2")
     reward_spacing: Length = Field(0.5, description="between the linear reward's RBFs [m]")
@@ -75,12 +82,6 @@ class DroneSettings(Settings):
     def lattice(self, spacing: float) -> tuple[int, int]:
         """Points of a lattice over the arena that is no coarser than ``spacing``, by axis."""
         return tuple(int(np.ceil(side / spacing * (1 - 1e-9))) + 1 for side in self.arena)  # type: ignore[return-value]
-
-    def stencil_shape(self, spacing: float) -> tuple[int, int]:
-        """Points of that lattice around a place that a single integrator's step from it can need, by axis."""
-        way = self.max_speed * self.time_step
-        sides = zip(self.arena, self.lattice(spacing), strict=True)
-        return tuple(min(2 * int(np.ceil(way / side * (n - 1))) + 2, n) for side, n in sides)  # type: ignore[return-value]
 
     @model_validator(mode="after")
     def _fits_into_the_arena(self) -> "DroneSettings":

@@ -8,7 +8,7 @@ from mabirds_core.extras import require
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.judge import RolloutJudge
 from mabirds_core.games.drones.learned_costs import measures
-from mabirds_core.games.drones.planner_checks import suits_lattice
+from mabirds_core.games.drones.planner_checks import spacing_of, suits_lattice
 from mabirds_core.games.drones.planner_settings import LatticeSettings, SoftActorCriticSettings
 from mabirds_core.games.drones.rewards import DroneRewardModel, LinearDroneReward, NeuralDroneReward, TrueDroneReward
 from mabirds_core.games.drones.rollouts import SampledDroneOccupancy
@@ -19,9 +19,6 @@ from mabirds_core.registry import build
 
 DRONES, SAC = "mabirds_core[drones]", "mabirds_core[sac]"
 """What brings scipy, and what brings torch besides."""
-
-EVAL_SPACING = 0.3
-"""Metres between the nodes on which the parameters of soft actor-critics are judged."""
 
 
 class WholeDroneGame(DroneGame):
@@ -53,10 +50,11 @@ class WholeDroneGame(DroneGame):
         return TrueDroneReward(self)
 
     def evaluation_planner(self, planner: Any, reward: DroneRewardModel) -> Planner:
-        """Near-exact, on a lattice, for one or two single integrators; otherwise the planner that learned, anew."""
+        """On a lattice that no learner draws, where there may be one; else the planner that learned, anew."""
         if isinstance(planner, SoftActorCriticSettings) and suits_lattice(self):
-            coarse = LatticeSettings(kind="lattice", spacing=EVAL_SPACING, temperature=planner.temperature)
-            return build_lattice(coarse, self, reward)
+            planner = LatticeSettings(kind="lattice", temperature=planner.temperature)
+        if isinstance(planner, LatticeSettings):
+            return build_lattice(planner, self, reward, draws=False)
         learned: Planner = build("mabirds.planners", planner, self, reward)
         return learned
 
@@ -84,17 +82,21 @@ class WholeDroneGame(DroneGame):
         return demonstrations_figure(self, demonstrations)
 
 
-def build_lattice(settings: LatticeSettings, game: DroneGame, reward: DroneRewardModel) -> Planner:
+def build_lattice(
+    settings: LatticeSettings, game: DroneGame, reward: DroneRewardModel, *, draws: bool = True
+) -> Planner:
     """Build the planner of the settings.
 
     Parameters
     ----------
     settings : LatticeSettings
-        With spacing and temperature.
+        Of the planner.
     game : DroneGame
         Of drones.
     reward : DroneRewardModel
         r_theta.
+    draws : bool, optional
+        Does it draw a lattice for every plan, as learners do?
 
     Returns
     -------
@@ -104,4 +106,6 @@ def build_lattice(settings: LatticeSettings, game: DroneGame, reward: DroneRewar
     require("scipy", "policies of drones on a lattice", DRONES)
     from mabirds_core.games.drones.lattice import LatticePlanner  # scipy is for drones: patrols do without
 
-    return LatticePlanner(game, reward, settings.spacing, settings.temperature)
+    return LatticePlanner(
+        game, reward, spacing_of(settings, game), settings.temperature, settings.shape, settings.rotations, draws
+    )

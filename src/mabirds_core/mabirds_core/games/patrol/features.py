@@ -5,8 +5,11 @@ from functools import cached_property
 import numpy as np
 
 from mabirds_core.arrays import Array, Vector, weighted_counts
+from mabirds_core.games.factored import FactoredReward
 from mabirds_core.games.interface import Visitation
 from mabirds_core.games.patrol.geometry import MOVE_NAMES, N_MOVES, PatrolGrid
+from mabirds_core.kernels.factored import Totals
+from mabirds_core.planners.factored import FactoredVisitation
 
 
 class PatrolCostFeatures:
@@ -29,11 +32,27 @@ class PatrolCostFeatures:
 
     def total(self, visitation: Visitation) -> Vector:
         """sum_k weights[k] phi(states[k], actions[k]), shape (K,)."""
+        if isinstance(visitation, FactoredVisitation):
+            return self._of_totals(visitation.totals)
         grid, (states, actions, weights) = self._grid, visitation
         by_cell = [weighted_counts(cells, weights, grid.n_cells) for cells in grid.cells(states)]
         sharing = (weights * grid.sharing[states]).sum()
-        swapping = (weights * grid.swapping[states, actions]).sum()
+        swapping = (weights * grid.swapping_in(states, actions)).sum()
         return np.concatenate([*by_cell, self._joint_scale * np.array([sharing, swapping])])
+
+    def _of_totals(self, totals: Totals) -> Vector:
+        sharing = (totals.states * self._grid.sharing).sum()
+        swapping = (totals.levels * np.arange(len(totals.levels))).sum()
+        joint = self._joint_scale * np.array([sharing, swapping])
+        return np.concatenate([totals.moves.sum(axis=2).ravel(), joint])
+
+    def factored(self, weights: Vector) -> FactoredReward:
+        """weights^T phi(s, a), by expert."""
+        grid = self._grid
+        by_cell = weights[:-2].reshape(grid.n_experts, grid.n_cells, 1)
+        sharing, swapping = self._joint_scale * weights[-2:]
+        moves = np.repeat(by_cell, N_MOVES, axis=2)
+        return FactoredReward(moves, sharing * grid.sharing, swapping * np.arange(grid.n_pairs + 1))
 
     def table(self, weights: Vector) -> Array:
         """weights^T phi(s, a), shape (S, A)."""
@@ -72,10 +91,18 @@ class PatrolRewardFeatures:
 
     def total(self, visitation: Visitation) -> Vector:
         """sum_k weights[k] of the pairs in which an expert makes a move in a cell, shape (K,)."""
+        if isinstance(visitation, FactoredVisitation):
+            return visitation.totals.moves.ravel()
         grid, (states, actions, weights) = self._grid, visitation
         pairs = grid.cells(states) * N_MOVES + grid.moves(actions)
         size = grid.n_cells * N_MOVES
         return np.concatenate([weighted_counts(pairs_of_expert, weights, size) for pairs_of_expert in pairs])
+
+    def factored(self, weights: Vector) -> FactoredReward:
+        """Sum of the experts' weights, by expert."""
+        grid = self._grid
+        by_move = weights.reshape(grid.n_experts, grid.n_cells, N_MOVES)
+        return FactoredReward(by_move, np.zeros(grid.n_states), np.zeros(grid.n_pairs + 1))
 
     def table(self, weights: Vector) -> Array:
         """Sum of the experts' weights at every joint (s, a), shape (S, A)."""

@@ -15,6 +15,7 @@ from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Array, Indices, Mask, Vector, weighted_counts
 from mabirds_core.digest import trajectory_digest
 from mabirds_core.errors import ImpossibleTrajectoryError
+from mabirds_core.games.factored import Factors
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.games.patrol.features import PatrolCostFeatures, PatrolRewardFeatures
 from mabirds_core.games.patrol.geometry import MOVE_NAMES, N_MOVES, PatrolGrid
@@ -61,6 +62,11 @@ class PatrolGame(EnumerableGame):
     def successor(self) -> Indices:
         """successor[s, a], shape (S, A)."""
         return self.grid.successor
+
+    @property
+    def factors(self) -> Factors:
+        """How it factorises."""
+        return self.grid.factors
 
     @property
     def sharing(self) -> Indices:

@@ -7,12 +7,16 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from mabirds_core.arrays import Indices
+from mabirds_core.arrays import Indices, digits
+from mabirds_core.games.factored import Factors
 
 MOVE_NAMES = ("north", "east", "south", "west")
 N_MOVES = len(MOVE_NAMES)
 MOVES = np.array([[-1, 0], [0, 1], [1, 0], [0, -1]])
 """North, east, south, west as (rows, columns)."""
+
+SWAP_BLOCK = 4096
+"""Joint states at a time, of which all joint actions are looked at."""
 
 Cell = tuple[int, int]
 
@@ -69,11 +73,11 @@ class PatrolGrid:
 
     def cells(self, states: NDArray[np.integer]) -> Indices:
         """The experts' cells in joint ``states`` of any shape: (N_E, *states.shape)."""
-        return np.array(np.unravel_index(states, (self.n_cells,) * self.n_experts))
+        return digits(states, self.n_cells, self.n_experts)
 
     def moves(self, actions: NDArray[np.integer]) -> Indices:
         """The experts' moves in joint ``actions`` of any shape: (N_E, *actions.shape)."""
-        return np.array(np.unravel_index(actions, (N_MOVES,) * self.n_experts))
+        return digits(actions, N_MOVES, self.n_experts)
 
     def joint_state(self, cells: NDArray[np.integer]) -> Indices:
         """Inverse of ``cells``."""
@@ -115,11 +119,53 @@ class PatrolGrid:
     @cached_property
     def swapping(self) -> NDArray[np.int8]:
         """swapping[s, a]: pairs of experts that exchange their cells, shape (S, A)."""
-        cells, after = self.cells(np.arange(self.n_states))[:, :, None], self._cells_after()
-        count = np.zeros((self.n_states, self.n_actions), dtype=np.int8)
+        return self.swapping_in(np.arange(self.n_states)[:, None], np.arange(self.n_actions))
+
+    def swapping_in(self, states: NDArray[np.integer], actions: NDArray[np.integer]) -> NDArray[np.int8]:
+        """Count pairs of experts that exchange their cells.
+
+        Parameters
+        ----------
+        states : NDArray[np.integer]
+            Joint states.
+        actions : NDArray[np.integer]
+            Joint actions, of a shape that broadcasts with theirs.
+
+        Returns
+        -------
+        NDArray[np.int8]
+            Pairs, of the shape of both.
+        """
+        cells, moves = self.cells(states), self.moves(actions)
+        after = [table[own, made] for table, own, made in zip(self.expert_successor, cells, moves, strict=True)]
+        count = np.zeros(np.broadcast_shapes(states.shape, actions.shape), dtype=np.int8)
         for i, j in self._pairs:
             count += (after[i] == cells[j]) & (after[j] == cells[i]) & (cells[i] != cells[j])
         return count
+
+    @cached_property
+    def factors(self) -> Factors:
+        """Experts move each for itself; where two can swap, the pairs that do are the level of a joint action."""
+        states, actions = np.flatnonzero(self._can_swap()), np.arange(self.n_actions)
+        blocks = np.split(states, range(SWAP_BLOCK, len(states), SWAP_BLOCK))
+        levels = np.concatenate([self.swapping_in(block[:, None], actions) for block in blocks])
+        return Factors(self.expert_successor, states, levels.astype(np.uint8))
+
+    def _can_swap(self) -> NDArray[np.bool_]:
+        """Joint states in which two experts are next to each other, and neither at its goal, shape (S,)."""
+        cells = np.arange(self.n_cells)
+        leads = (self.expert_successor[:, :, None, :] == cells[:, None]).any(axis=-1)
+        leads[:, cells, cells] = False
+        shape, states = (self.n_cells,) * self.n_experts, np.zeros(self.n_states, dtype=np.bool_)
+        for i, j in self._pairs:
+            apart = [self.n_cells if k in {i, j} else 1 for k in range(self.n_experts)]
+            states |= np.broadcast_to((leads[i] & leads[j].T).reshape(apart), shape).ravel()
+        return states
+
+    @property
+    def n_pairs(self) -> int:
+        """Pairs of experts."""
+        return len(self._pairs)
 
     @property
     def _pairs(self) -> list[tuple[int, int]]:

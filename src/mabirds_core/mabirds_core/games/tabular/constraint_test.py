@@ -12,13 +12,17 @@ what the learned policy does, so that learners who agree on theta and omega agre
 p_k is a matter of policies alone: parameters that mean the same policies give the same p_k, which -omega does not.
 """
 
-from typing import Protocol
+from dataclasses import dataclass
+from typing import Any, Protocol, cast
 
 import numpy as np
 
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Array, Mask, Vector, weighted_counts
+from mabirds_core.games.factored import FactoredGame, FactoredReward
 from mabirds_core.games.interface import ShownFeatures, TabularGame
+from mabirds_core.kernels.factored import Totals
+from mabirds_core.planners.factored import factored_policy, factored_reward
 from mabirds_core.planners.occupancy import discounted_steps, occupancy_measure, pairs_of
 from mabirds_core.planners.soft_bellman import soft_bellman_policy
 from mabirds_core.rewards.models import TabularRewardModel
@@ -77,30 +81,75 @@ def constraint_confidences(
     Vector
         Shape (K,): in [0, 1], or USED.
     """
-    table = reward.table(parameters.theta) + game.cost_features.table(parameters.omega)
-    expected = _expected_counts(game, table)
+    learned = _learned(game, reward, parameters)
+    counts = learned.expected_counts()
+    expected = np.where(counts >= SELDOM, counts, 0.0)
     weights = reward.weights(parameters.theta) if hasattr(reward, "weights") else np.zeros(len(expected))
     confidences = np.full(len(shown.used), USED)
     for feature in np.flatnonzero(~shown.used):
         change = game.neutral_change(weights, parameters.omega, expected, int(feature))
-        chance = 0.0 if change is None else _chance(game, table, change, int(feature))
+        unit = np.zeros(len(shown.used))
+        unit[feature] = 1.0
+        chance = 0.0 if change is None else learned.touch_probability(change, unit)
         confidences[feature] = 1 - (1 - chance) ** shown.demonstrations
     return confidences
 
 
-def _expected_counts(game: TabularGame, table: Array) -> Vector:
-    """E_pi sum gamma^t f of the reward features, shape (K_f,), and 0 below SELDOM."""
-    occupancy = discounted_steps(game) * occupancy_measure(game, soft_bellman_policy(game, table))
-    counts = game.reward_features.total(pairs_of(occupancy))
-    return np.where(counts >= SELDOM, counts, 0.0)
+class _Learned(Protocol):
+    """The learned reward, in one of two forms."""
+
+    def expected_counts(self) -> Vector:
+        """E_pi sum gamma^t f of the reward features, shape (K_f,)."""
+        ...
+
+    def touch_probability(self, change: Parameters, unit: Vector) -> float:
+        """p_k, with ``change`` added to the weights, where ``unit`` is 1 at cost feature k and 0 elsewhere."""
+        ...
 
 
-def _chance(game: NeutralGame, table: Array, change: Parameters, feature: int) -> float:
-    """p_k."""
-    neutral = table + game.reward_features.table(change.theta) + game.cost_features.table(change.omega)
-    unit = np.zeros(len(game.cost_features.names))
-    unit[feature] = 1.0
-    return touch_probability(game, neutral, game.cost_features.table(unit) > 0)
+def _learned(game: NeutralGame, reward: TabularRewardModel, parameters: Parameters) -> _Learned:
+    """By expert, where the game and the rewards allow that."""
+    factored = factored_reward(reward, game.cost_features, *parameters)
+    if factored is not None:
+        return _LearnedByExpert(cast("FactoredGame", game), factored)
+    return _LearnedTable(game, reward.table(parameters.theta) + game.cost_features.table(parameters.omega))
+
+
+@dataclass(frozen=True)
+class _LearnedByExpert:
+    game: FactoredGame
+    reward: FactoredReward
+
+    def expected_counts(self) -> Vector:
+        policy = factored_policy(self.game, self.reward)
+        return self.game.reward_features.total(policy.visitation(self.game.initial_distribution))
+
+    def touch_probability(self, change: Parameters, unit: Vector) -> float:
+        features: Any = self.game.reward_features
+        costs: Any = self.game.cost_features
+        neutral = self.reward.plus(features.factored(change.theta)).plus(costs.factored(change.omega))
+        kept = Totals(*(np.where(part > 0, 0.0, 1.0) for part in costs.factored(unit)))
+        return _chance(factored_policy(self.game, neutral).remaining(kept))
+
+
+@dataclass(frozen=True)
+class _LearnedTable:
+    game: TabularGame
+    reward: Array
+
+    def expected_counts(self) -> Vector:
+        occupancy = occupancy_measure(self.game, soft_bellman_policy(self.game, self.reward))
+        return self.game.reward_features.total(pairs_of(discounted_steps(self.game) * occupancy))
+
+    def touch_probability(self, change: Parameters, unit: Vector) -> float:
+        costs = self.game.cost_features
+        neutral = self.reward + self.game.reward_features.table(change.theta) + costs.table(change.omega)
+        return touch_probability(self.game, neutral, costs.table(unit) > 0)
+
+
+def _chance(remaining: float) -> float:
+    """Of touching, where ``remaining`` is that of not; rounding may carry it past 0 or 1 by some 1e-15."""
+    return min(1.0, max(0.0, 1.0 - remaining))
 
 
 def touch_probability(game: TabularGame, reward: Array, touched: Mask) -> float:
@@ -137,4 +186,4 @@ def touch_probability(game: TabularGame, reward: Array, touched: Mask) -> float:
         share = clean[states] / np.maximum(mass[step][states], np.finfo(np.float64).tiny)
         pairs = share[:, None] * untouched[states] * onward[step + 1][game.successor[states]]
         clean = weighted_counts(game.successor[states], pairs, game.n_states)
-    return min(1.0, max(0.0, 1.0 - float(clean.sum())))
+    return _chance(float(clean.sum()))

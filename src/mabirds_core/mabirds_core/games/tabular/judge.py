@@ -37,6 +37,9 @@ class ExactJudge:
         """log p of each demonstration while it is under way."""
         return log_likelihoods(self.game, policy, demonstrations)
 
+    def certificate(self, policy: TabularPolicy, seed: int) -> None:
+        """None: rates are found from the policy itself, whoever planned it."""
+
     def constraint_confidences(
         self, reward: TabularRewardModel, parameters: Parameters, shown: ShownFeatures
     ) -> Vector:

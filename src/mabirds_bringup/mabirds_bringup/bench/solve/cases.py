@@ -1,0 +1,80 @@
+"""Games of growing size to be solved, and what is asked of each."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mabirds_core.arrays import Vector
+from mabirds_core.games.patrol.settings import PatrolSettings
+from mabirds_core.games.patrol.whole_game import WholePatrolGame
+
+
+@dataclass(frozen=True)
+class SolveCase:
+    """An empty map on which experts walk from corner to corner.
+
+    Attributes
+    ----------
+    side : int
+        Rows, and columns.
+    n_experts : int
+        N_E, at most 4.
+    horizon : int
+        T.
+    at_most : dict[str, float]
+        Limits on what is measured, by name.
+    reference : bool
+        Is the readable reference solved beside it?
+    peer : bool
+        Are dense transitions solved by the ``imitation`` package, where that is installed?
+    """
+
+    side: int
+    n_experts: int
+    horizon: int
+    at_most: dict[str, float] = field(default_factory=dict)
+    reference: bool = False
+    peer: bool = False
+
+    @property
+    def name(self) -> str:
+        """For people."""
+        return f"{self.n_experts} experts {self.side}x{self.side} T {self.horizon}"
+
+    @property
+    def game(self) -> WholePatrolGame:
+        """The game."""
+        end = self.side - 1
+        corners = [(0, 0), (end, end), (0, end), (end, 0)]
+        settings = PatrolSettings(
+            map="\n".join(["." * self.side] * self.side),
+            starts=(tuple(corners[: self.n_experts]),),
+            goals=(*corners[1 : self.n_experts], corners[0]),
+            horizon=self.horizon,
+        )
+        return WholePatrolGame(settings)
+
+
+def weights(game: WholePatrolGame) -> tuple[Vector, Vector]:
+    """theta and omega of some nats, all features and meetings costing something."""
+    rng = np.random.default_rng(1)
+    theta = rng.normal(size=len(game.reward_features.names))
+    return theta, -rng.exponential(size=len(game.cost_features.names))
+
+
+CASES = (
+    SolveCase(5, 2, 30, {}, reference=True, peer=True),
+    SolveCase(8, 2, 30, {"milliseconds": 3.0}, reference=True),
+    SolveCase(10, 2, 30, {"times_of_bandwidth_limit": 4.0}, reference=True),
+    SolveCase(20, 2, 60, {"milliseconds": 350.0}),
+    SolveCase(5, 3, 30, {}, reference=True),
+    SolveCase(8, 3, 10, {"milliseconds": 500.0, "megabytes": 300.0}),
+)
+SMALL = (SolveCase(5, 2, 15, {"share_of_reference": 0.5}, reference=True, peer=True),)
+"""Ratios alone, which hold on any machine."""
+
+ITERATIONS = {
+    "discrete": {"milliseconds": 15.0},
+    "patrol": {"milliseconds": 3.0},
+}
+"""Limits on a learner's iteration in the shipped experiments."""

@@ -1,0 +1,69 @@
+"""What a drone does without the other one, by soft value iteration on its nodes.
+
+V^i_t(s)   = log sum_a mu(a) exp( r_i(s, a) / tau + gamma V^i_{t+1}(s') ),     V^i_{T+1} = 0
+P^i_t(a|s) = mu(a) exp( r_i(s, a) / tau + gamma V^i_{t+1}(s') - V^i_t(s) )
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mabirds_core.arrays import Array, Vector
+from mabirds_core.games.drones.coupling import Kernel
+from mabirds_core.games.drones.drone_nodes import DroneNodes, Rewards
+
+
+@dataclass(frozen=True)
+class LoneDrone:
+    """V^i of a drone without the other one, in units of tau."""
+
+    nodes: DroneNodes
+    scores: Array
+    """log mu(a) + r_i(s, a) at every node, shape (S, A); -inf where there is no such move."""
+    values: Array
+    """Shape (T + 2, S)."""
+
+    @classmethod
+    def of(cls, nodes: DroneNodes, rewards: Rewards, temperature: float) -> "LoneDrone":
+        """Soft value iteration.
+
+        Parameters
+        ----------
+        nodes : DroneNodes
+            Where the drone flies.
+        rewards : Rewards
+            What r is the sum of.
+        temperature : float
+            tau.
+
+        Returns
+        -------
+        LoneDrone
+            With its values.
+        """
+        moves, game = nodes.moves, nodes.game
+        scores = log_shares(moves.shares) + nodes.rewards(rewards, nodes.places, moves.nodes) / temperature
+        values = np.zeros((game.horizon + 2, nodes.size))
+        for step in range(game.horizon, -1, -1):
+            values[step] = log_sum_exp(scores + game.discount * values[step + 1][moves.nodes])
+        return cls(nodes, scores, values)
+
+    def kernel(self, step: int) -> Kernel:
+        """P^i_t between the nodes that can have been reached."""
+        count = self.nodes.reached[step - 1]
+        moves = np.maximum(self.nodes.moves.nodes[:count], 0)
+        backup = self.nodes.game.discount * self.values[step + 1][moves]
+        chances = np.exp(self.scores[:count] + backup - self.values[step][:count, None])
+        return Kernel(moves.astype(np.int32), chances.astype(np.float32))
+
+
+def log_shares(shares: Array) -> Array:
+    """log mu, -inf where there is no move; of any shape."""
+    with np.errstate(divide="ignore"):
+        return np.log(shares)
+
+
+def log_sum_exp(scores: Array) -> Vector:
+    """Over the last axis, of which one entry at least is finite."""
+    most = scores.max(axis=-1, keepdims=True)
+    return np.asarray(most[..., 0] + np.log(np.exp(scores - most).sum(axis=-1)))
