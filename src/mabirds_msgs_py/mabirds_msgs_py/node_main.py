@@ -84,10 +84,13 @@ def _refuse(error: Exception) -> int:
 
 
 def _end_with_supervisor() -> None:
-    """Ask the kernel for SIGTERM should the supervisor be killed, so that no node is left behind."""
+    """Ask the kernel for SIGKILL should the supervisor be killed: no node is left behind, not even a stopped one.
+
+    What a learner has said is in its checkpoints by then.
+    """
     supervisor = os.environ.get(SUPERVISOR)
     if supervisor is None or sys.platform != "linux":
         return
-    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != int(supervisor):
         sys.exit("error: the supervisor is gone")

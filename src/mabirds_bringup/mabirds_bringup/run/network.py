@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import chain, count
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,6 +15,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
 from mabirds_bringup.run import processes
+from mabirds_bringup.run.recording import Recording
 from mabirds_bringup.run.supervisor import Supervisor
 from mabirds_bringup.watch.monitor import MonitorNode
 from mabirds_bringup.watch.watched_history import DIRECTORY
@@ -23,7 +23,6 @@ from mabirds_core.consensus.schedule import DeliveredEdges
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History
-from mabirds_msgs_py.bag_writer import BagWriter
 from mabirds_msgs_py.security import enclave_arguments, start_ros
 
 PLAYER = "expert_player"
@@ -98,7 +97,7 @@ class Network:
         before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # end as on Ctrl-C: nothing left behind
         supervisor = Supervisor(self._commands(), self.directory / "logs", self.restarts, self._optional)
         try:
-            with BagWriter(self._place_of_recording(), keep=True) as recording, _spinning() as executor:
+            with Recording(self.directory) as recording, _spinning() as executor:
                 monitor = MonitorNode(self.experiment, recording, self._run, self.names, self.directory / DIRECTORY)
                 executor.add_node(monitor)
 
@@ -109,7 +108,8 @@ class Network:
 
                 while not monitor.finished:
                     executor.spin_once(timeout_sec=TICK)
-                    news = supervisor.poll(monitor.statuses, is_done)
+                    news = [*supervisor.poll(monitor.statuses, is_done), *recording.news]
+                    recording.news.clear()
                     monitor.declare_without(supervisor.failed())
                     on_tick(monitor, supervisor, news)
                     if self._difference(monitor):
@@ -135,11 +135,6 @@ class Network:
     def _run(self) -> str:
         """A name that no other run has, or that of all hosts of this one."""
         return self.shared_run if self.shared_run or self.only else f"{self.directory.name}-{secrets.token_hex(4)}"
-
-    def _place_of_recording(self) -> Path:
-        """``bag``, or ``bag_2`` and so on where a run goes on."""
-        names = chain(["bag"], (f"bag_{n}" for n in count(2)))
-        return next(place for name in names if not (place := self.directory / name).exists())
 
     def _difference(self, monitor: MonitorNode) -> str | None:
         """How another host's experiment differs from this one; of other runs in this domain it may."""

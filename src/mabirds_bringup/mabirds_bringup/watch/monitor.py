@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Collection, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from mabirds_msgs.msg import Constraints, EdgeSchedule, LearnerStatus, Membership
 from mabirds_msgs.msg import Parameters as ParametersMessage
@@ -14,12 +14,11 @@ from rclpy.client import Client
 from mabirds_bringup.watch.admission import EXPECTED, MessageValidator
 from mabirds_bringup.watch.watched_history import WatchedHistory
 from mabirds_core.consensus.schedule import DeliveredEdges
-from mabirds_core.errors import RefusedMessageError
+from mabirds_core.errors import CheckpointError, RefusedMessageError
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History
 from mabirds_core.metrics.metrics import consensus_distance
 from mabirds_msgs_py import topics
-from mabirds_msgs_py.bag_writer import BagWriter
 from mabirds_msgs_py.conversion import nanoseconds
 from mabirds_msgs_py.mass_conversion import membership_message
 from mabirds_msgs_py.network_node import NetworkNode
@@ -35,6 +34,14 @@ GAP_PERIOD, GAPS_AT_ONCE = 0.5, 32
 """Seconds between two looks at what was missed, and how much of it is asked for in one."""
 
 
+class Recorder(Protocol):
+    """What messages are recorded to."""
+
+    def write(self, topic: str, message: Any, time: int, /) -> None:
+        """Append a message of ``topic``; ``time`` in nanoseconds."""
+        ...
+
+
 class MonitorNode(NetworkNode):
     """Collects theta(n), omega(n) and the newest status of every learner of an experiment, and records all to a bag.
 
@@ -48,7 +55,7 @@ class MonitorNode(NetworkNode):
     def __init__(
         self,
         experiment: Experiment,
-        recording: BagWriter,
+        recording: Recorder,
         run: str = "",
         names: Sequence[str] | None = None,
         directory: Path | None = None,
@@ -123,8 +130,11 @@ class MonitorNode(NetworkNode):
 
     def _missing(self, name: str) -> list[int]:
         """Iterations before the newest that were not heard of and may still be had."""
-        received = self.parameters[name]
-        return [n for n in received.gaps(received.newest) if n not in self.lost[name]]
+        received, status = self.parameters[name], self.statuses.get(name)
+        newest = received.newest
+        if status is not None and status.state == LearnerStatus.FINISHED:
+            newest = max(newest, status.iteration)
+        return [n for n in received.gaps(newest) if n not in self.lost[name]]
 
     def _ask_for_gaps(self) -> None:
         """Ask learners for what they published before this node found them, or just before they died."""
@@ -148,7 +158,11 @@ class MonitorNode(NetworkNode):
         except RefusedMessageError as error:
             self._drop(f"{topics.PARAMETERS} of {name}", error)
             return
-        self.parameters[name][message.iteration] = parameters
+        try:
+            self.parameters[name][message.iteration] = parameters
+        except CheckpointError as error:  # asked for again, and there may be room by then
+            self._drop(f"{topics.PARAMETERS} of {name}", RefusedMessageError("unsaved", str(error)))
+            return
         self._record(name, topics.PARAMETERS, message, nanoseconds(message.stamp))
 
     def _on_status(self, name: str, message: LearnerStatus) -> None:
