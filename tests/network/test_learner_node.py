@@ -1,5 +1,6 @@
 """The learner node alone: what it says, what it refuses, how it mends gaps."""
 
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -323,3 +324,19 @@ def test_checkpoints_of_another_run_are_not_overwritten(nodes: Any, file: Path, 
     first.destroy_node()
     with pytest.raises(CheckpointError, match="no checkpoint can be used .*experiment_digest is"):
         nodes.learner(file, "learner_1", checkpoints=checkpoints, run="tuesday")
+
+
+def test_a_second_player_a_namesake_and_solitude_are_named(
+    nodes: Any, file: Path, around: Surroundings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By the learner that they concern, within five seconds."""
+    started = time.monotonic()
+    node = nodes.learner(file, "learner_1", status_period=0.2)
+    others = [around.node.create_publisher(Demonstration, "/learner_1/demonstration", latched(1)) for _ in range(2)]
+    nodes.spin_until(lambda: around.statuses and "a second expert_player plays to learner_1" in around.last.message)
+    assert node.learner_name == "learner_1"
+    for publisher in others:
+        around.node.destroy_publisher(publisher)
+    nodes.learner(file, "learner_1", status_period=0.2)
+    nodes.spin_until(lambda: "2 processes of this run are learner_1" in around.last.message)
+    assert time.monotonic() - started < 10  # two findings

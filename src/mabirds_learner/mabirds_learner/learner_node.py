@@ -19,6 +19,7 @@ from mabirds_core.experiment.assembly import build_learner
 from mabirds_learner.checkpoint import CheckpointMetadata, CheckpointStore
 from mabirds_learner.exchange import Exchange, Identity
 from mabirds_learner.learner_session import LearnerSession
+from mabirds_learner.lookout import Lookout, Sight
 from mabirds_learner.member import Limits
 from mabirds_learner.outlet import NodeOutlet
 from mabirds_learner.parameters_log import SUFFIX, ParametersLog
@@ -32,7 +33,7 @@ from mabirds_msgs_py.constraints_conversion import constraints_message, constrai
 from mabirds_msgs_py.conversion import read_demonstration
 from mabirds_msgs_py.environment import prepare_environment
 from mabirds_msgs_py.node_main import run_node
-from mabirds_msgs_py.presence import LivelinessMonitor
+from mabirds_msgs_py.presence import MAX_DIGEST, MAX_STRANGERS, LivelinessMonitor
 from mabirds_msgs_py.qos import LIVELINESS_LEASE, STATUS_QOS, latched
 from mabirds_msgs_py.ros_parameters import bool_param, int_param, str_param
 
@@ -84,6 +85,20 @@ class LearnerNode(ProgressNode):
         self.create_subscription(Demonstration, topics.DEMONSTRATION, self._on_demonstration, history)
         self.create_service(FetchParameters, self.service_name(topics.FETCH_PARAMETERS), self._on_fetch)
         self._exchange.connect()
+        self._strangers: set[str] = set()
+        self._lookout = Lookout(self.learner_name, self._look, self._warn)
+
+    def _look(self) -> Sight:
+        """Players of other runs play to the same topic; their demonstrations tell whose they are."""
+        players = self.count_publishers(topics.DEMONSTRATION)
+        heard = (self.schedule.learners[u] for u in self.schedule.all_in_neighbours(self.session.learner.index))
+        neighbours = sum(self.count_publishers(f"{self.namespace_prefix}{u}/{topics.STATUS}") for u in heard)
+        namesakes = self.count_services(self.service_name(topics.FETCH_PARAMETERS))
+        return Sight(players - len(self._strangers), namesakes, players + neighbours)
+
+    def _warn(self, words: str) -> None:
+        self.set_event(words, log=False)
+        self.get_logger().warning(words)
 
     def _session_and_exchange(self) -> tuple[LearnerSession, Exchange]:
         """Both as the experiment's mixing asks."""
@@ -190,6 +205,8 @@ class LearnerNode(ProgressNode):
             trajectory = read_demonstration(self.game, self.learner_name, message, self.experiment_digest)
             self.session.receive_demonstration(message.iteration, trajectory)
         except RefusedMessageError as error:
+            if error.reason == "wrong_experiment" and len(self._strangers) < MAX_STRANGERS:
+                self._strangers.add(message.experiment_digest[:MAX_DIGEST])
             self.reject(f"{topics.DEMONSTRATION} {message.iteration}", error)
         else:
             self.schedule_next_step()
@@ -207,6 +224,7 @@ class LearnerNode(ProgressNode):
         self.publish_status()
         self._exchange.on_timer()
         self._end_where_departed()
+        self._lookout.on_timer()
 
     def _end_where_departed(self) -> None:
         """A learner without which the network goes on says so for a while, and then its process ends."""
