@@ -207,7 +207,8 @@ def test_a_run_ends_when_a_living_learner_is_declared_to_have_departed(
             declared.append(1)
             others = ["learner_1", "learner_2", "learner_4"]
             digest = next(iter(monitor.statuses.values())).experiment_digest
-            monitor._membership_publisher.publish(membership_message(digest, 2, others))
+            monitor._membership_publisher.publish(membership_message(digest, 2, ["learner_1"]))  # forged: no signature
+            monitor._membership_publisher.publish(membership_message(digest, 2, others, monitor._key))
         process = supervisor.children["learner_3"].process
         exit_codes[:] = [process.exit_code if process else None]
 
@@ -216,4 +217,5 @@ def test_a_run_ends_when_a_living_learner_is_declared_to_have_departed(
     assert [len(result.history[name]) for name in ("learner_1", "learner_2", "learner_4")] == [61, 61, 61]
     assert exit_codes == [0]
     log = (tmp_path / "logs" / "learner_3.log").read_text(encoding="utf-8")
+    assert "not signed with this run's key" in log
     assert "departed: epoch 2 goes on without learner_3; this one ends" in log

@@ -31,6 +31,7 @@ from mabirds_learner.strict_member import StrictMember, default_history
 from mabirds_msgs_py import topics
 from mabirds_msgs_py.constraints_conversion import constraints_message, constraints_text
 from mabirds_msgs_py.conversion import read_demonstration
+from mabirds_msgs_py.declaration_key import read_key
 from mabirds_msgs_py.environment import prepare_environment
 from mabirds_msgs_py.node_main import run_node
 from mabirds_msgs_py.presence import MAX_DIGEST, MAX_STRANGERS, LivelinessMonitor
@@ -109,7 +110,9 @@ class LearnerNode(ProgressNode):
         if isinstance(mixing, ResilientMixing):
             member = PushSumMember(learner, self._limits, late_joiner=self.get_param("late_joiner"))
             resilient = LearnerSession(member)
-            return resilient, PushSumExchange(resilient, *here, patience=mixing.patience, save=self.save)
+            file = self.get_param("declaration_key")
+            key, patience = read_key(Path(file)) if file else b"", mixing.patience
+            return resilient, PushSumExchange(resilient, *here, patience=patience, save=self.save, key=key)
         strict = LearnerSession(StrictMember(learner, self._limits))
         return strict, StrictExchange(strict, *here)
 
@@ -122,6 +125,8 @@ class LearnerNode(ProgressNode):
         words = "iterations of parameters kept; 0: as many as the schedule needs, at least 256"
         self.declare_parameter("parameter_history", 0, int_param(words, 0, 100_000))
         self.declare_parameter("checkpoints", "", str_param("directory of this learner's checkpoints; empty: none"))
+        words = "resilient mode: file of the key that declarations are signed with; empty: anybody may declare"
+        self.declare_parameter("declaration_key", "", str_param(words))
         words = "resilient mode: take part once a declaration says so"
         self.declare_parameter("late_joiner", value=False, descriptor=bool_param(words))
 
@@ -261,6 +266,7 @@ parameters:
   run                     name of this run; messages of other runs are refused ("")
   checkpoints             directory of its checkpoints; it goes on from those that are there (none)
   late_joiner             resilient mode: take part only once a declaration of members says so (false)
+  declaration_key         resilient mode: file of the key that declarations are signed with (none: anybody declares)
   parameter_history       iterations of parameters kept; 0: as many as the schedule needs, at least 256 (0)
   status_period           seconds between status messages while nothing changes (1.0)
 

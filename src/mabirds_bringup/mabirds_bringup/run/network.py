@@ -23,10 +23,14 @@ from mabirds_core.consensus.schedule import DeliveredEdges
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History
+from mabirds_msgs_py.declaration_key import make_key, read_key
 from mabirds_msgs_py.security import enclave_arguments, start_ros
 
 PLAYER = "expert_player"
 """Name of the player among the processes."""
+
+KEY = "declaration.key"
+"""Name of the file with the key of declarations, in a run directory."""
 
 SHUTDOWN_TIMEOUT = 5.0
 """Seconds in which those who stay hear what was said before somebody leaves."""
@@ -98,7 +102,9 @@ class Network:
         supervisor = Supervisor(self._commands(), self.directory / "logs", self.restarts, self._optional)
         try:
             with Recording(self.directory) as recording, _spinning() as executor:
-                monitor = MonitorNode(self.experiment, recording, self._run, self.names, self.directory / DIRECTORY)
+                key = read_key(self._key_file) if self._key_file else b""
+                place = self.directory / DIRECTORY
+                monitor = MonitorNode(self.experiment, recording, self._run, self.names, place, key)
                 executor.add_node(monitor)
 
                 def is_done(name: str, code: int) -> bool:
@@ -132,6 +138,14 @@ class Network:
         return self.names if self.experiment.mixing.declares_members and not self.method else ()
 
     @cached_property
+    def _key_file(self) -> Path | None:
+        """Of the key of this run's declarations; None where nobody declares, or other hosts have to know it, too."""
+        if not self.experiment.mixing.declares_members or self.method or self.only:
+            return None
+        make_key(self.directory / KEY)
+        return self.directory / KEY
+
+    @cached_property
     def _run(self) -> str:
         """A name that no other run has, or that of all hosts of this one."""
         return self.shared_run if self.shared_run or self.only else f"{self.directory.name}-{secrets.token_hex(4)}"
@@ -154,7 +168,8 @@ class Network:
         if self.method:
             return processes.baseline_command(name, self.file, run=self._run)
         checkpoints = str(self.directory / "checkpoints" / name)
-        return processes.learner_command(name, self.file, run=self._run, checkpoints=checkpoints)
+        key = {"declaration_key": str(self._key_file)} if self._key_file else {}
+        return processes.learner_command(name, self.file, run=self._run, checkpoints=checkpoints, **key)
 
 
 @contextmanager

@@ -48,6 +48,7 @@ class MonitorNode(NetworkNode):
     ``names``: who learns, where it is not the experiment's learners. ``directory``: of the files of ``kept``, which a
     run that goes on begins with; None: of no use afterwards. ``parameters[name][n]``, ``statuses[name]``; ``presence``:
     whose process is gone. ``lost``: by name, iterations that were missed and that nobody keeps any more.
+    ``key``: of its declarations.
     Messages of other runs, and what no learner of the experiment can say, are neither shown nor recorded; ``drops``
     counts them by reason, and ``refusals`` says why, of the newest for each reason.
     """
@@ -59,10 +60,11 @@ class MonitorNode(NetworkNode):
         run: str = "",
         names: Sequence[str] | None = None,
         directory: Path | None = None,
+        key: bytes = b"",
         **node_options: Any,
     ) -> None:
         super().__init__("monitor", **node_options)
-        self._experiment, self._recording = experiment, recording
+        self._experiment, self._recording, self._key = experiment, recording, key
         self.names = tuple(names or experiment.learners)
         self._admission = MessageValidator(experiment, run, self.names)
         self.drops: Counter[str] = Counter()
@@ -105,7 +107,7 @@ class MonitorNode(NetworkNode):
             return
         self._declared.update(departed)
         members = [name for name in self.taking_part() if name not in self._declared]
-        message = membership_message(self._admission.digest, self._epoch() + 1, members)
+        message = membership_message(self._admission.digest, self._epoch() + 1, members, self._key)
         message.stamp = self.get_clock().now().to_msg()
         self._membership_publisher.publish(message)
 
