@@ -105,7 +105,10 @@ class NetworkNode(Node):
 
     def _real(self, parameter: Parameter) -> Parameter:
         whole = parameter.type_ == Parameter.Type.INTEGER and self.has_parameter(parameter.name)
-        if whole and self.describe_parameter(parameter.name).type == ParameterType.PARAMETER_DOUBLE:
+        if not whole:
+            return parameter
+        described = self.describe_parameter(parameter.name)
+        if described.type == ParameterType.PARAMETER_DOUBLE and not described.dynamic_typing:
             return Parameter(parameter.name, Parameter.Type.DOUBLE, float(parameter.value))
         return parameter
 
