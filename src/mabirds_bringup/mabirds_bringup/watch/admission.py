@@ -45,7 +45,12 @@ class MessageValidator:
 
     def status(self, name: str, message: LearnerStatus) -> None:
         """Is it from ``name``, and can a learner of this experiment say that of itself?"""
-        require_sender(message, name, self.digest, self._schedule.digest)
+        try:
+            require_sender(message, name, self.digest, self._schedule.digest)
+        except RefusedMessageError as error:
+            if error.reason == "wrong_experiment":
+                raise RefusedMessageError(error.reason, f"{error}; {self._what_differs(message)}") from None
+            raise
         strangers = sorted(set(message.mixed_from) - set(self._experiment.learners))
         for what, value, possible in (
             ("iteration", message.iteration, 1 <= message.iteration <= self.last),
@@ -60,6 +65,23 @@ class MessageValidator:
                 raise RefusedMessageError(
                     "impossible_status", f"{what} {value}: no learner of this experiment says that"
                 )
+
+    def _what_differs(self, message: LearnerStatus) -> str:
+        """Which part of the experiment another run of it has otherwise, as far as digests tell."""
+        parts = [
+            part
+            for part, theirs, ours in (
+                ("game", message.game_digest, self._game_digest),
+                ("schedule", message.schedule_digest, self._schedule.digest),
+            )
+            if theirs != ours
+        ]
+        rest = "algorithm, learners, mixing, iterations, closing_rounds or seed, or the name of the run"
+        return f"different: {' and '.join(parts)}" if parts else f"game and schedule are the same: it is {rest}"
+
+    @cached_property
+    def _game_digest(self) -> str:
+        return build_game(self._experiment).digest
 
     def constraints(self, name: str, message: Constraints) -> None:
         """Are they of ``name``, and of cost features of this experiment?"""
