@@ -13,11 +13,15 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 
 from mabirds_core.errors import MabirdsError
+from mabirds_msgs_py.addresses import AddressWatch
 from mabirds_msgs_py.network_node import require_known_parameters
 from mabirds_msgs_py.security import start_ros
 
 EXIT_FINISHED = 0
 EXIT_BAD_INPUT = 2
+
+EXIT_MOVED = 75
+"""The host has other addresses than when the node began; its supervisor starts it again, with a new participant."""
 
 BAD_INPUT = (MabirdsError, InvalidParameterTypeException, InvalidParameterValueException)
 
@@ -59,12 +63,19 @@ def run_node(create: Callable[[], Node], help_text: str, arguments: Sequence[str
     except MabirdsError as error:
         return _refuse(error)
     try:
+        executor = SingleThreadedExecutor()  # before the node is seen: whoever sees it may end this process
         node = create()
         require_known_parameters(node)
-        executor = SingleThreadedExecutor()
         executor.add_node(node)
+        addresses, told = AddressWatch(), False
         while rclpy.ok() and not getattr(node, "done", False):
             executor.spin_once(timeout_sec=IDLE_WAKE_UP)
+            if not told and (words := addresses.changed()):
+                if SUPERVISOR in os.environ:
+                    print(f"{words}; to be started again", file=sys.stderr)  # noqa: T201 - into the log
+                    return EXIT_MOVED
+                node.get_logger().warning(f"{words}: others may not hear this process; start it again")
+                told = True
         node.destroy_node()
     except BAD_INPUT as error:
         return _refuse(error)

@@ -23,6 +23,7 @@ from mabirds_core.consensus.schedule import DeliveredEdges
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History
+from mabirds_msgs_py.addresses import AddressWatch
 from mabirds_msgs_py.declaration_key import make_key, read_key
 from mabirds_msgs_py.security import enclave_arguments, start_ros
 
@@ -112,10 +113,13 @@ class Network:
                         return code == 0 and monitor.has_departed(name)
                     return code == 0 and _hear_out(executor, monitor)
 
+                addresses, moved = AddressWatch(), ""
                 while not monitor.finished:
                     executor.spin_once(timeout_sec=TICK)
                     news = [*supervisor.poll(monitor.statuses, is_done), *recording.news]
                     recording.news.clear()
+                    if not moved and (moved := addresses.changed() or ""):
+                        news.append(f"{moved}: this supervisor may hear nobody; Ctrl-C, then `mabirds run --resume`")
                     monitor.declare_without(supervisor.failed())
                     on_tick(monitor, supervisor, news)
                     if self._difference(monitor):
