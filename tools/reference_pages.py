@@ -27,7 +27,7 @@ from schema_pages import settings_page, studies_page
 from typer.main import get_command
 
 from mabirds_bringup import exit_codes
-from mabirds_bringup.cli import app
+from mabirds_bringup.application import app
 from mabirds_bringup.evaluate.evaluation import LearnerMetrics
 from mabirds_bringup.run.declaration import MembershipPublisher
 from mabirds_bringup.run.run_directory import CONTENTS

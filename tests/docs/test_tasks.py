@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from typer.main import get_command
 
-from mabirds_bringup.cli import app
+from mabirds_bringup.application import app
 from mabirds_core.experiment.file import load_experiment
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -203,3 +203,21 @@ def test_what_cannot_be_shown_is_counted(truth: Truth, nodes: Any) -> None:
     assert content["refused"] == {"not_finite": 1, "too_large": 1, "wrong_schedule": 1}
     assert "parameters" not in content
     assert inspector.missing() == []
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({}, "game and schedule are the same: it is algorithm"),
+        ({"game_digest": "other"}, "different: game"),
+        ({"game_digest": "other", "schedule_digest": "other"}, "different: game and schedule"),
+    ],
+)
+def test_what_differs_in_another_experiment_is_named(
+    truth: Truth, monitor: MonitorNode, changes: dict[str, str], words: str
+) -> None:
+    status = truth.status("learner_1", experiment_digest="v4-fixed-other")
+    for name, value in changes.items():
+        setattr(status, name, value)
+    monitor._on_status("learner_1", status)
+    assert words in monitor.refusals["wrong_experiment"]

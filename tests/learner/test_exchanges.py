@@ -32,6 +32,7 @@ class NotingOutlet:
         self.asked: list[tuple[str, int]] = []
         self.rejected: list[str] = []
         self.events: list[str] = []
+        self.strangers: list[tuple[str, str]] = []
         self.answer, self.resets = answer, 0
         self.on_time: Callable[[], None] = lambda: None
 
@@ -50,6 +51,10 @@ class NotingOutlet:
             on_response(self.answer)
 
         return call
+
+    def note_stranger(self, name: str, message: Any, error: RefusedMessageError) -> None:
+        if error.reason == "wrong_experiment":
+            self.strangers.append((name, message.experiment_digest))
 
     def timer(self, seconds: float, on_time: Callable[[], None]) -> "NotingOutlet":
         self.on_time = on_time
@@ -91,6 +96,7 @@ def test_strict_parameters_are_taken_or_rejected_by_name(experiment: Experiment)
     message.experiment_digest = "other"
     outlet.heard["learner_2/parameters"](message)
     assert (changes, outlet.rejected) == (["changed"], ["wrong_experiment"])
+    assert outlet.strangers == [("learner_2", "other")]
 
 
 def test_what_a_strict_learner_lacks_for_a_period_is_asked_for(experiment: Experiment) -> None:

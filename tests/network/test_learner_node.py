@@ -1,5 +1,6 @@
 """The learner node alone: what it says, what it refuses, how it mends gaps."""
 
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -266,6 +267,31 @@ def test_two_processes_of_one_name_are_noticed(
     nodes.spin_until(lambda: not node.presence.duplicates())
 
 
+def test_a_namesake_of_another_run_is_no_duplicate(
+    nodes: Any, file: Path, around: Surroundings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It publishes to the same topic, and its messages say whose it is."""
+    monkeypatch.setattr(presence, "LIVELINESS_LEASE", 0.1)
+    node = nodes.learner(file, "learner_1", status_period=0.1, run="monday")
+    around.neighbour_says(1, node)
+    second = around.node.create_publisher(ParametersMessage, "/learner_2/parameters", announced(8))
+    message = around.neighbours_message(1, node)
+    message.experiment_digest = "v3-tuesday"
+    second.publish(message)
+    nodes.spin_until(lambda: around.statuses and "wrong_experiment" in around.last.drop_reasons)
+    nodes.spin_for(0.6)
+    assert "duplicate_name" not in around.last.drop_reasons
+
+
+def test_services_of_two_runs_have_names_of_their_own(nodes: Any, file: Path) -> None:
+    for run in ("monday", "tuesday", ""):
+        nodes.learner(file, "learner_1", run=run)
+    experiment, observer = load_experiment(file), nodes.plain("observer")
+    tags = [experiment.run_digest(run).rpartition("-")[2][:16] for run in ("monday", "tuesday")]
+    expected = {f"/learner_1/fetch_parameters/run_{tag}" for tag in tags} | {"/learner_1/fetch_parameters"}
+    nodes.spin_until(lambda: expected <= {name for name, _ in observer.get_service_names_and_types()})
+
+
 def test_a_learner_goes_on_from_its_checkpoint_and_tells_its_past(
     nodes: Any, file: Path, around: Surroundings, tmp_path: Path
 ) -> None:
@@ -298,3 +324,19 @@ def test_checkpoints_of_another_run_are_not_overwritten(nodes: Any, file: Path, 
     first.destroy_node()
     with pytest.raises(CheckpointError, match="no checkpoint can be used .*experiment_digest is"):
         nodes.learner(file, "learner_1", checkpoints=checkpoints, run="tuesday")
+
+
+def test_a_second_player_a_namesake_and_solitude_are_named(
+    nodes: Any, file: Path, around: Surroundings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By the learner that they concern, within five seconds."""
+    started = time.monotonic()
+    node = nodes.learner(file, "learner_1", status_period=0.2)
+    others = [around.node.create_publisher(Demonstration, "/learner_1/demonstration", latched(1)) for _ in range(2)]
+    nodes.spin_until(lambda: around.statuses and "a second expert_player plays to learner_1" in around.last.message)
+    assert node.learner_name == "learner_1"
+    for publisher in others:
+        around.node.destroy_publisher(publisher)
+    nodes.learner(file, "learner_1", status_period=0.2)
+    nodes.spin_until(lambda: "2 processes of this run are learner_1" in around.last.message)
+    assert time.monotonic() - started < 10  # two findings

@@ -10,7 +10,8 @@ from mabirds_msgs.msg import LearnerStatus
 from rclpy.context import Context
 from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
 
-from mabirds_bringup.commands.simulate import demonstrations_of, simulate_from_bag, simulate_with_progress
+from mabirds_bringup.commands.demonstrations import demonstrations_of
+from mabirds_bringup.commands.simulate import simulate_from_bag, simulate_with_progress
 from mabirds_bringup.evaluate.evaluation import evaluate, summary
 from mabirds_bringup.evaluate.results import audit
 from mabirds_bringup.run.network import PLAYER, Network

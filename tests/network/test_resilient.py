@@ -190,3 +190,32 @@ def test_a_run_goes_on_without_a_learner_that_died_for_good(
     assert news == ["learner_3 ended with exit code -9 (SIGKILL); going on without it"]
     assert [len(result.history[name]) for name in ("learner_1", "learner_2", "learner_4")] == [31, 31, 31]
     assert 5 <= len(result.history["learner_3"]) < 31
+
+
+def test_a_run_ends_when_a_living_learner_is_declared_to_have_departed(
+    make_resilient: Callable[..., Path], tmp_path: Path
+) -> None:
+    """Processes: learner_3 lives, says that it has departed, and ends; the others learn all."""
+    file, declared = make_resilient(patience=0.5, iterations=60), list[int]()
+    experiment = load_experiment(file)
+    (tmp_path / "logs").mkdir()
+    exit_codes = list[int | None]()
+
+    def declare(monitor: MonitorNode, supervisor: Supervisor, words: Sequence[str]) -> None:
+        assert not words
+        if not declared and min(log.newest for log in monitor.parameters.values()) >= 3:
+            declared.append(1)
+            others = ["learner_1", "learner_2", "learner_4"]
+            digest = next(iter(monitor.statuses.values())).experiment_digest
+            monitor._membership_publisher.publish(membership_message(digest, 2, ["learner_1"]))  # forged: no signature
+            monitor._membership_publisher.publish(membership_message(digest, 2, others, monitor._key))
+        process = supervisor.children["learner_3"].process
+        exit_codes[:] = [process.exit_code if process else None]
+
+    result = Network(experiment, file, tmp_path, {"hz": 6.0}).run(declare)
+    assert result.departed == ["learner_3"]
+    assert [len(result.history[name]) for name in ("learner_1", "learner_2", "learner_4")] == [61, 61, 61]
+    assert exit_codes == [0]
+    log = (tmp_path / "logs" / "learner_3.log").read_text(encoding="utf-8")
+    assert "not signed with this run's key" in log
+    assert "departed: epoch 2 goes on without learner_3; this one ends" in log

@@ -233,7 +233,22 @@ def test_a_middleware_that_refuses_what_no_permissions_allow_is_accepted(
 
     monkeypatch.setattr(Node, "create_publisher", strict)
     prove_enforcement(context)
-    assert made == ["/parameter_events", "/mabirds_security_probe"]
+    assert made == ["/parameter_events", "/mabirds_security_probe", "/parameter_events"]
+
+
+def test_what_makes_no_publisher_at_all_is_no_proof(context: Context, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where a process runs out of something just after its first publisher."""
+    create_publisher, made = Node.create_publisher, []
+
+    def exhausted(node: Node, message_type: type, topic: str, *rest: Any, **options: Any) -> Any:
+        made.append(topic)
+        if len(made) > 1:
+            raise RCLError("bad alloc")
+        return create_publisher(node, message_type, topic, *rest, **options)
+
+    monkeypatch.setattr(Node, "create_publisher", exhausted)
+    with pytest.raises(SecurityError, match="makes no publisher at all .bad alloc."):
+        prove_enforcement(context)
 
 
 def test_the_probe_does_what_every_node_may_do_and_nothing_else(context: Context, nodes: Any) -> None:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -29,6 +30,18 @@ def guarded_output() -> Iterator[Any]:
     finally:
         os.dup2(real, 1)
         os.close(real)
+
+
+@contextmanager
+def ending_as_interrupted() -> Iterator[None]:
+    """End as on Ctrl-C when asked by SIGTERM, or when the terminal goes (SIGHUP, unless that is ignored)."""
+    numbers = [signal.SIGTERM, *([] if signal.getsignal(signal.SIGHUP) == signal.SIG_IGN else [signal.SIGHUP])]
+    before = {number: signal.signal(number, signal.default_int_handler) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def print_json(content: Any, stream: Any) -> None:

@@ -7,5 +7,7 @@ PROCESS_DIED = 3
 """A learner or the player ended before its time; its log is named."""
 NOBODY_THERE = 4
 """``inspect --once`` found no learner in the domain, ``mabirds player`` no player."""
+INCOMPLETE = 5
+"""A run ended, or a run directory was looked at, of which not everything is known; what is missing is named."""
 INTERRUPTED = 130
 """Ctrl-C: everything was stopped."""

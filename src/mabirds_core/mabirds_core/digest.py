@@ -2,9 +2,13 @@
 
 import hashlib
 import json
+from collections.abc import Iterable, Mapping
 from typing import Any
 
+import numpy as np
+
 from mabirds_core.arithmetic import arithmetic
+from mabirds_core.arrays import Array
 from mabirds_core.texts import truncate
 
 GAME_FORMAT, EXPERIMENT_FORMAT = 2, 4
@@ -91,6 +95,41 @@ def arithmetic_differs(given: str, expected: str) -> str | None:
         f"arithmetic {truncate(theirs[1])!r}, expected {ours[1]!r}: last bits would differ; install mabirds_core with"
         " compiled kernels on all hosts"
     )
+
+
+def arrays_digest(arrays: Iterable[Array]) -> str:
+    """SHA-256 of arrays: of their shapes, and of every bit of their numbers as float64.
+
+    >>> arrays_digest([np.zeros(2)]) == arrays_digest([np.zeros(2, dtype=int)]) != arrays_digest([-np.zeros(2)])
+    True
+    """
+    total = hashlib.sha256()
+    for values in arrays:
+        total.update(f"{values.shape} ".encode())
+        total.update(np.ascontiguousarray(values, dtype=np.float64).tobytes())
+    return total.hexdigest()
+
+
+def demonstrations_digest(streams: Mapping[str, Iterable[Iterable[Array]]]) -> str:
+    """Digest of what learners are shown: of the content of their demonstrations, not of times or files.
+
+    Parameters
+    ----------
+    streams : Mapping[str, Iterable[Iterable[Array]]]
+        By learner its demonstrations, each of states and actions.
+
+    Returns
+    -------
+    str
+        SHA-256, in hexadecimal.
+
+    Examples
+    --------
+    >>> one, two = [np.zeros(2)], [np.ones(2)]
+    >>> demonstrations_digest({"a": [one, two]}) == demonstrations_digest({"a": [two, one]})
+    False
+    """
+    return digest({name: [arrays_digest(shown) for shown in stream] for name, stream in streams.items()})
 
 
 def _versioned(number: int, content: Any) -> str:

@@ -11,6 +11,7 @@ parameters:
   run                 name of this run; learners of other runs get nothing ("")
   baseline            a central method that learns in the learners' place, such as bics ("")
   bag                 bag to play; empty: the experiment's
+  bag_digest          digest of the demonstrations that it must hold, such as a manifest names; empty: any ("")
   bags                several bags to play as one, in the place of bag
   include, exclude    learners to play to or not to, by name or regular expression
   listeners           play to topics that nobody learns from, too (false)

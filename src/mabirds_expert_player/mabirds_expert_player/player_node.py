@@ -14,9 +14,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from mabirds_msgs.msg import Demonstration, LearnerStatus, PlayerStatus
 from mabirds_msgs.srv import Resend
-from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock as ClockMessage
 
@@ -42,9 +40,11 @@ from mabirds_expert_player.player_status import player_status
 from mabirds_expert_player.read_ahead import ReadAhead
 from mabirds_expert_player.stream import AckFilter, Stream
 from mabirds_msgs_py import diagnostics, topics
+from mabirds_msgs_py.bag_digest import require_digest
 from mabirds_msgs_py.bag_reader import DemonstrationBag
 from mabirds_msgs_py.conversion import NANOSECONDS, time_message
 from mabirds_msgs_py.environment import prepare_environment
+from mabirds_msgs_py.network_node import NetworkNode
 from mabirds_msgs_py.node_main import run_node
 from mabirds_msgs_py.player_services import RESEND, STATUS
 from mabirds_msgs_py.qos import STATUS_QOS, latched
@@ -69,11 +69,8 @@ BATCH = 64
 
 SPEEDS = ("rate", "hz")
 
-STEADY = Clock(clock_type=ClockType.STEADY_TIME)
-"""ROS's default timers follow the system clock, which may be set."""
 
-
-class ExpertPlayerNode(Node):
+class ExpertPlayerNode(NetworkNode):
     """Plays an experiment's bag. ``done`` turns true once every learner has learned everything.
 
     Parameters
@@ -106,8 +103,8 @@ class ExpertPlayerNode(Node):
         self._ahead = {name: ReadAhead(self._bag, name, self._value("read_ahead")) for name in self._learners}
         self._status_publisher = self.create_publisher(PlayerStatus, f"~/{STATUS}", STATUS_QOS)
         self._diagnostics_publisher = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, diagnostics.DEPTH)
-        self._timer = self.create_timer(IDLE, self._play, clock=STEADY)
-        self.create_timer(diagnostics.PERIOD, self._publish_standing, clock=STEADY)
+        self._timer = self.create_timer(IDLE, self._play)
+        self.create_timer(diagnostics.PERIOD, self._publish_standing)
         self._publish_clock()
         self.add_post_set_parameters_callback(self._on_parameters)
         self.control = PlayerControl(self, self.playback, self._play, self._tell)
@@ -124,6 +121,7 @@ class ExpertPlayerNode(Node):
         self.get_logger().info(f"checking {', '.join(map(str, bags))}")
         least = 1 if is_partial(self) else experiment.iterations
         bag = DemonstrationBag(bags, self._game, self._learners, at_least=least)
+        require_digest(bag, self._learners, experiment.iterations, self._value("bag_digest"))
         waits = "" if self._value("listeners") else f": waiting for {', '.join(self._learners)}"
         self.get_logger().info(f"{', '.join(map(str, bags))}{waits}")
         return bag
@@ -308,7 +306,7 @@ class ExpertPlayerNode(Node):
         def publish() -> None:
             publisher.publish(ClockMessage(clock=time_message(self.playback.position(time.monotonic()))))
 
-        self.create_timer(1 / frequency, publish, clock=STEADY)
+        self.create_timer(1 / frequency, publish)
 
     def _on_parameters(self, parameters: list[Parameter]) -> None:
         """A new rate or hz holds at once."""

@@ -88,6 +88,7 @@ FLAGS = {
 
 TEXTS = {
     "bag": "bag to play; empty: the experiment's",
+    "bag_digest": "digest of the demonstrations that it must hold, such as a manifest names; empty: any",
     "baseline": "a central method that learns in the learners' place; empty: none",
 }
 

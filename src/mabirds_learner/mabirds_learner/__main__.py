@@ -2,6 +2,15 @@
 
 import sys
 
-from mabirds_learner.learner_node import main
+from mabirds_msgs_py.early import loading
 
-sys.exit(main())
+
+def main() -> int:
+    """Run the node of this process."""
+    with loading():
+        from mabirds_learner.learner_node import main as node
+    return node()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -119,7 +119,7 @@ class CheckpointStore:
 
     def _write(self, iteration: int, arrays: Mapping[str, Array]) -> None:
         contiguous = {name: np.ascontiguousarray(values) for name, values in arrays.items()}
-        _write_durably(self._file(iteration), save(contiguous, self._metadata(iteration, contiguous)))
+        _write_durably(self._file(iteration), save(contiguous, _metadata(self._whose, iteration, contiguous)))
 
     def _trim(self, iteration: int) -> None:
         """Leave what lasts. A damaged file stays as it is: whoever loads it says so."""
@@ -153,26 +153,7 @@ class CheckpointStore:
                 self.refused.append(str(error))
 
     def _read(self, file: Path) -> tuple[int, dict[str, Array]]:
-        """Iteration and arrays of one file; raises CheckpointError naming the file and what is wrong with it."""
-        try:
-            with safe_open(file, framework="numpy") as content:
-                metadata = content.metadata() or {}
-                arrays = {name: content.get_tensor(name) for name in content.keys()}  # noqa: SIM118 - no mapping
-        except (SafetensorError, OSError, ValueError, TypeError) as error:
-            raise CheckpointError(f"{file.name}: is no whole checkpoint ({error})") from None
-        iteration = int(file.stem) if file.stem.isdecimal() else 0
-        for name, expected in self._metadata(iteration, arrays).items():
-            if metadata.get(name) != expected:
-                raise CheckpointError(f"{file.name}: {name} is {metadata.get(name)!r}, expected {expected!r}")
-        return iteration, arrays
-
-    def _metadata(self, iteration: int, arrays: Mapping[str, Array]) -> dict[str, str]:
-        return {
-            "format": FORMAT,
-            "iteration": str(iteration),
-            **asdict(self._whose),
-            "sha256": _fingerprint(arrays),
-        }
+        return read_checkpoint(file, self._whose)
 
     def _file(self, iteration: int) -> Path:
         return self.directory / f"{iteration:08}{SUFFIX}"
@@ -181,6 +162,72 @@ class CheckpointStore:
         return CheckpointError(
             f"{self.directory}: checkpoints cannot be written ({error.strerror}); make room, or name another directory"
         )
+
+
+def read_checkpoint(file: Path, whose: CheckpointMetadata) -> tuple[int, dict[str, Array]]:
+    """Read one file.
+
+    Parameters
+    ----------
+    file : Path
+        Of a checkpoint.
+    whose : CheckpointMetadata
+        Whose it must be.
+
+    Returns
+    -------
+    tuple[int, dict[str, Array]]
+        Its iteration, and its arrays by name.
+
+    Raises
+    ------
+    CheckpointError
+        It names the file and what is wrong with it.
+    """
+    try:
+        with safe_open(file, framework="numpy") as content:
+            metadata = content.metadata() or {}
+            arrays = {name: content.get_tensor(name) for name in content.keys()}  # noqa: SIM118 - no mapping
+    except (SafetensorError, OSError, ValueError, TypeError) as error:
+        raise CheckpointError(f"{file.name}: is no whole checkpoint ({error})") from None
+    iteration = int(file.stem) if file.stem.isdecimal() else 0
+    for name, expected in _metadata(whose, iteration, arrays).items():
+        if metadata.get(name) != expected:
+            raise CheckpointError(f"{file.name}: {name} is {metadata.get(name)!r}, expected {expected!r}")
+    return iteration, arrays
+
+
+def newest_checkpoint(directory: Path, whose: CheckpointMetadata) -> tuple[int, dict[str, Array]] | None:
+    """Read the newest checkpoint, without keeping its learner from writing others.
+
+    Parameters
+    ----------
+    directory : Path
+        Of the checkpoints.
+    whose : CheckpointMetadata
+        Whose they must be.
+
+    Returns
+    -------
+    tuple[int, dict[str, Array]] or None
+        Its iteration, and its arrays by name; None where there is no file.
+
+    Raises
+    ------
+    CheckpointError
+        As of ``read_checkpoint``.
+    """
+    files = sorted(directory.glob(f"*{SUFFIX}"))
+    return read_checkpoint(files[-1], whose) if files else None
+
+
+def _metadata(whose: CheckpointMetadata, iteration: int, arrays: Mapping[str, Array]) -> dict[str, str]:
+    return {
+        "format": FORMAT,
+        "iteration": str(iteration),
+        **asdict(whose),
+        "sha256": _fingerprint(arrays),
+    }
 
 
 def _write_durably(file: Path, content: bytes) -> None:

@@ -176,6 +176,20 @@ class Outlet(Protocol):
         """
         ...
 
+    def note_stranger(self, name: str, message: Any, error: RefusedMessageError) -> None:
+        """Somebody else publishes as a neighbour, where a message is of another run.
+
+        Parameters
+        ----------
+        name : str
+            Of the neighbour.
+        message : Any
+            It names its run by ``experiment_digest``.
+        error : RefusedMessageError
+            Why it is not used.
+        """
+        ...
+
     def reject(self, what: str, error: RefusedMessageError) -> None:
         """Count a message that is not used, and say why.
 

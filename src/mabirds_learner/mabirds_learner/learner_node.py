@@ -4,21 +4,25 @@ Started in the namespace of its name (/learner_1). It subscribes to its own demo
 in-neighbours tell (strict_exchange, push_sum_exchange), and to nothing else.
 """
 
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from mabirds_msgs.msg import Constraints, Demonstration
 from mabirds_msgs.srv import FetchParameters
+from rclpy.executors import ExternalShutdownException
 
 from mabirds_core.consensus.push_sum_mixer import ResilientMixing
-from mabirds_core.errors import RefusedMessageError
+from mabirds_core.errors import CheckpointError, RefusedMessageError
 from mabirds_core.experiment.assembly import build_learner
 from mabirds_learner.checkpoint import CheckpointMetadata, CheckpointStore
 from mabirds_learner.exchange import Exchange, Identity
 from mabirds_learner.learner_session import LearnerSession
+from mabirds_learner.lookout import Lookout, Sight
 from mabirds_learner.member import Limits
 from mabirds_learner.outlet import NodeOutlet
+from mabirds_learner.parameters_log import SUFFIX, ParametersLog
 from mabirds_learner.progress_node import ProgressNode
 from mabirds_learner.push_sum_exchange import PushSumExchange
 from mabirds_learner.push_sum_member import PushSumMember
@@ -27,14 +31,24 @@ from mabirds_learner.strict_member import StrictMember, default_history
 from mabirds_msgs_py import topics
 from mabirds_msgs_py.constraints_conversion import constraints_message, constraints_text
 from mabirds_msgs_py.conversion import read_demonstration
+from mabirds_msgs_py.declaration_key import read_key
 from mabirds_msgs_py.environment import prepare_environment
 from mabirds_msgs_py.node_main import run_node
-from mabirds_msgs_py.presence import LivelinessMonitor
+from mabirds_msgs_py.presence import MAX_DIGEST, MAX_STRANGERS, LivelinessMonitor
 from mabirds_msgs_py.qos import LIVELINESS_LEASE, STATUS_QOS, latched
 from mabirds_msgs_py.ros_parameters import bool_param, int_param, str_param
 
+UNSAVED = "unsaved_checkpoint"
+"""Counted at each attempt to save that fails."""
+
 DUPLICATE_NAME = "duplicate_name"
 """Counted at each look at which several processes are seen to publish as one neighbour."""
+
+SAVE_AGAIN = 1.0
+"""Seconds after which a checkpoint that could not be written is tried again."""
+
+FAREWELL = 5.0
+"""Seconds for which a departed learner lives on, so that others hear its last status."""
 
 NAMED = 3
 """Constraints that the last status names."""
@@ -62,13 +76,30 @@ class LearnerNode(ProgressNode):
         self.parameter_history = self.get_param("parameter_history") or default_history(self.schedule)
         self.presence = LivelinessMonitor(self._on_presence)
         self.session, self._exchange = self._session_and_exchange()
+        self._log: ParametersLog | None = None
+        self._departed_at: float | None = None
+        self.done = False
         self._checkpoints = self._open_checkpoints()
         self._constraints_publisher = self.create_publisher(Constraints, topics.CONSTRAINTS, STATUS_QOS)
         self.start(self.session.learner.game, self.parameter_history)
         history = latched(self.get_param("demonstration_history"))
         self.create_subscription(Demonstration, topics.DEMONSTRATION, self._on_demonstration, history)
-        self.create_service(FetchParameters, topics.FETCH_PARAMETERS, self._on_fetch)
+        self.create_service(FetchParameters, self.service_name(topics.FETCH_PARAMETERS), self._on_fetch)
         self._exchange.connect()
+        self._strangers: set[str] = set()
+        self._lookout = Lookout(self.learner_name, self._look, self._warn)
+
+    def _look(self) -> Sight:
+        """Players of other runs play to the same topic; their demonstrations tell whose they are."""
+        players = self.count_publishers(topics.DEMONSTRATION)
+        heard = (self.schedule.learners[u] for u in self.schedule.all_in_neighbours(self.session.learner.index))
+        neighbours = sum(self.count_publishers(f"{self.namespace_prefix}{u}/{topics.STATUS}") for u in heard)
+        namesakes = self.count_services(self.service_name(topics.FETCH_PARAMETERS))
+        return Sight(players - len(self._strangers), namesakes, players + neighbours)
+
+    def _warn(self, words: str) -> None:
+        self.set_event(words, log=False)
+        self.get_logger().warning(words)
 
     def _session_and_exchange(self) -> tuple[LearnerSession, Exchange]:
         """Both as the experiment's mixing asks."""
@@ -79,7 +110,9 @@ class LearnerNode(ProgressNode):
         if isinstance(mixing, ResilientMixing):
             member = PushSumMember(learner, self._limits, late_joiner=self.get_param("late_joiner"))
             resilient = LearnerSession(member)
-            return resilient, PushSumExchange(resilient, *here, patience=mixing.patience, save=self.save)
+            file = self.get_param("declaration_key")
+            key, patience = read_key(Path(file)) if file else b"", mixing.patience
+            return resilient, PushSumExchange(resilient, *here, patience=patience, save=self.save, key=key)
         strict = LearnerSession(StrictMember(learner, self._limits))
         return strict, StrictExchange(strict, *here)
 
@@ -92,6 +125,8 @@ class LearnerNode(ProgressNode):
         words = "iterations of parameters kept; 0: as many as the schedule needs, at least 256"
         self.declare_parameter("parameter_history", 0, int_param(words, 0, 100_000))
         self.declare_parameter("checkpoints", "", str_param("directory of this learner's checkpoints; empty: none"))
+        words = "resilient mode: file of the key that declarations are signed with; empty: anybody may declare"
+        self.declare_parameter("declaration_key", "", str_param(words))
         words = "resilient mode: take part once a declaration says so"
         self.declare_parameter("late_joiner", value=False, descriptor=bool_param(words))
 
@@ -107,18 +142,43 @@ class LearnerNode(ProgressNode):
             self.set_event("; ".join([f"resumed at iteration {self.session.iteration}", *store.refused]))
         else:
             store.save(self.session.iteration, self.session.arrays())  # a neighbour may ask for the first one, too
+        self._log = self._open_log(store.directory)
         return store
+
+    def _open_log(self, directory: Path) -> ParametersLog:
+        """All of this learner's past, for those who missed more than is kept in memory."""
+        log = ParametersLog(directory / f"{topics.PARAMETERS}{SUFFIX}", self.session.parameters, self.experiment_digest)
+        for iteration, parameters in self.session.kept.items():
+            log[iteration] = parameters
+        return log
 
     def destroy_node(self) -> None:
         """Let go of the checkpoints with the node."""
         if self._checkpoints:
             self._checkpoints.close()
+        if self._log:
+            self._log.close()
         super().destroy_node()
 
     def save(self) -> None:
-        """Write a checkpoint: before anybody hears of it, so that a restart cannot take back what was said."""
-        if self._checkpoints:
-            self._checkpoints.save(self.session.iteration, self.session.arrays())
+        """Write a checkpoint: before anybody hears of it, so that a restart cannot take back what was said.
+
+        Where it cannot be written, as on a full disk, this learner waits until it can.
+        """
+        while self._checkpoints and self._log and not self._is_saved(self._checkpoints, self._log):
+            time.sleep(SAVE_AGAIN)
+            if not self.context.ok():
+                raise ExternalShutdownException
+
+    def _is_saved(self, checkpoints: CheckpointStore, log: ParametersLog) -> bool:
+        try:
+            checkpoints.save(self.session.iteration, self.session.arrays())
+            log[self.session.iteration] = self.session.parameters
+        except CheckpointError as error:
+            self.count_drop(UNSAVED, f"waits to save iteration {self.session.iteration}: {error}")
+            self.publish_status()
+            return False
+        return True
 
     def publish_history(self) -> None:
         """Also what an earlier life of this learner may have taken along unsent."""
@@ -150,6 +210,8 @@ class LearnerNode(ProgressNode):
             trajectory = read_demonstration(self.game, self.learner_name, message, self.experiment_digest)
             self.session.receive_demonstration(message.iteration, trajectory)
         except RefusedMessageError as error:
+            if error.reason == "wrong_experiment" and len(self._strangers) < MAX_STRANGERS:
+                self._strangers.add(message.experiment_digest[:MAX_DIGEST])
             self.reject(f"{topics.DEMONSTRATION} {message.iteration}", error)
         else:
             self.schedule_next_step()
@@ -162,15 +224,27 @@ class LearnerNode(ProgressNode):
 
     def on_timer(self) -> None:
         """Say that this learner lives, and mend what has been missing since the last time."""
-        for name in self.presence.duplicates():
+        for name in self.presence.duplicates():  # of this run: others of that name are known by their messages
             self.count_drop(DUPLICATE_NAME, f"several processes publish as {name}; end all but one")
         self.publish_status()
         self._exchange.on_timer()
+        self._end_where_departed()
+        self._lookout.on_timer()
+
+    def _end_where_departed(self) -> None:
+        """A learner without which the network goes on says so for a while, and then its process ends."""
+        if not self.session.member.departed:
+            self._departed_at = None
+        elif self._departed_at is None:
+            self._departed_at = time.monotonic()
+            self.set_event(f"departed: epoch {self.session.epoch} goes on without {self.learner_name}; this one ends")
+            self.publish_status()
+        self.done = self._departed_at is not None and time.monotonic() - self._departed_at > FAREWELL
 
     def _on_fetch(
         self, request: FetchParameters.Request, response: FetchParameters.Response
     ) -> FetchParameters.Response:
-        parameters = self.session.kept.get(request.iteration)
+        parameters = self.session.kept.get(request.iteration) or (self._log or {}).get(request.iteration)
         response.found = parameters is not None
         if parameters is None:
             kept = list(self.session.kept)
@@ -192,6 +266,7 @@ parameters:
   run                     name of this run; messages of other runs are refused ("")
   checkpoints             directory of its checkpoints; it goes on from those that are there (none)
   late_joiner             resilient mode: take part only once a declaration of members says so (false)
+  declaration_key         resilient mode: file of the key that declarations are signed with (none: anybody declares)
   parameter_history       iterations of parameters kept; 0: as many as the schedule needs, at least 256 (0)
   status_period           seconds between status messages while nothing changes (1.0)
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from builtin_interfaces.msg import Time
 
@@ -52,7 +53,9 @@ class NodeOutlet:
 
     def caller(self, service_type: type, neighbour: str, service: str) -> Call:
         """Call a service of a neighbour."""
-        client = self.node.create_client(service_type, f"{self.node.namespace_prefix}{neighbour}/{service}")
+        client = self.node.create_client(
+            service_type, f"{self.node.namespace_prefix}{neighbour}/{self.node.service_name(service)}"
+        )
 
         def call(request: object, on_response: Callable[[object], None]) -> None:
             if client.service_is_ready():
@@ -72,6 +75,11 @@ class NodeOutlet:
     def set_event(self, words: str, *, log: bool = True) -> None:
         """Tell people of an event."""
         self.node.set_event(words, log=log)
+
+    def note_stranger(self, name: str, message: Any, error: RefusedMessageError) -> None:
+        """Somebody else publishes as a neighbour, where a message is of another run."""
+        if error.reason == "wrong_experiment":
+            self.presence.note_stranger(name, message.experiment_digest)
 
     def reject(self, what: str, error: RefusedMessageError) -> None:
         """Count a message that is not used."""

@@ -2,13 +2,13 @@
 
 import time
 from collections import Counter
+from functools import partial
 from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from mabirds_msgs.msg import EdgeSchedule, LearnerStatus
 from mabirds_msgs.msg import Parameters as ParametersMessage
-from rclpy.node import Node
 
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.errors import ExperimentError, RefusedMessageError
@@ -18,14 +18,16 @@ from mabirds_learner.diagnostics import HARMLESS, learning_diagnostic
 from mabirds_learner.progress import Session
 from mabirds_msgs_py import diagnostics, topics
 from mabirds_msgs_py.conversion import parameters_message, schedule_message, time_message
+from mabirds_msgs_py.network_node import NetworkNode
 from mabirds_msgs_py.qos import STATUS_QOS, announced, latched
 from mabirds_msgs_py.ros_parameters import declare_experiment, experiment_of, float_param, int_param
+from mabirds_msgs_py.security import is_requested
 
 STATUSES_AN_ITERATION = 8
 """No more than these, as a rule: one for each arrival, one for the update, one for each second in between."""
 
 
-class ProgressNode(Node):
+class ProgressNode(NetworkNode):
     """A node that learns: its name is its namespace.
 
     A subclass creates ``session`` and its inputs, and then calls ``start``.
@@ -59,6 +61,8 @@ class ProgressNode(Node):
             raise ExperimentError("no namespace: a learner's namespace is its name; start with -r __ns:=/learner_1")
         self.experiment, self.experiment_digest = experiment_of(self)
         self.schedule = self.experiment.edge_schedule
+        run, secured = self.get_param("run"), is_requested([])
+        self.service_name = partial(topics.of_run, run=run, digest=self.experiment_digest, secured=secured)
         self._drops: Counter[str] = Counter()
         self._event = ""
 

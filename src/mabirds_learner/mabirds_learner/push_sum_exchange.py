@@ -33,6 +33,8 @@ class PushSumExchange:
         Seconds for which late neighbours are waited for.
     save : Callable[[], None]
         Called before neighbours hear of a new beginning.
+    key : bytes, optional
+        With which declarations must be signed; empty: whoever declares is believed.
     """
 
     def __init__(
@@ -44,9 +46,10 @@ class PushSumExchange:
         *,
         patience: float,
         save: Callable[[], None],
+        key: bytes = b"",
     ) -> None:
         self._session, self._member, self._identity, self._outlet = session, session.member, identity, outlet
-        self._patience, self._on_change, self._save = patience, on_change, save
+        self._patience, self._on_change, self._save, self._key = patience, on_change, save, key
         self._publishers: dict[str, Publish] = {}
         self._waits_at: tuple[int, int, bool] | None = None
 
@@ -101,6 +104,7 @@ class PushSumExchange:
             total = read_mass(message, name, learner_name, experiment_digest, schedule.digest, size)
             self._member.receive_mass(name, message.epoch, message.iteration, total)
         except RefusedMessageError as error:
+            self._outlet.note_stranger(name, message, error)
             self._outlet.reject(f"mass {message.iteration} of {name}", error)
             return
         if joining and not self._member.joining:
@@ -110,7 +114,7 @@ class PushSumExchange:
 
     def _on_membership(self, message: Membership) -> None:
         try:
-            members = read_membership(message, self._identity.experiment_digest)
+            members = read_membership(message, self._identity.experiment_digest, self._key)
             self._member.follow(message.epoch, members)
         except RefusedMessageError as error:
             self._outlet.reject(f"declaration of epoch {message.epoch}", error)

@@ -61,6 +61,7 @@ class StrictExchange:
             parameters = read_parameters(message, name, experiment_digest, schedule.digest, self._session.parameters)
             self._session.member.receive_parameters(name, message.iteration, parameters)
         except RefusedMessageError as error:
+            self._outlet.note_stranger(name, message, error)
             self._outlet.reject(f"{topics.PARAMETERS} {message.iteration} of {name}", error)
         else:
             self._on_change()

@@ -5,6 +5,7 @@ Stock ``ros2 bag`` and Foxglove open them. The metadata file is written last, so
 
 import shutil
 from collections import Counter
+from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple, Self
@@ -155,6 +156,11 @@ class BagWriter:
         self._stream.close()
         text = yaml.dump({"rosbag2_bagfile_information": self._information()}, Dumper=_PlainDumper, sort_keys=False)
         (self._directory / "metadata.yaml").write_text(text, encoding="utf-8")
+
+    def abandon(self) -> None:
+        """Let go of the file as it is, where it cannot be written any more; ``repair`` saves what is in it."""
+        with suppress(OSError):
+            self._stream.close()
 
     def _information(self) -> dict[str, Any]:
         start, end = self._times or (0, 0)

@@ -10,6 +10,7 @@ from mabirds_core.consensus.push_sum import RunningSum
 from mabirds_core.errors import RefusedMessageError
 from mabirds_core.texts import truncate
 from mabirds_msgs_py.conversion import floats, require_experiment
+from mabirds_msgs_py.declaration_key import signed, verified
 
 MAX_SUM = 1e20
 """Sums over a million iterations of the largest parameters stay below this."""
@@ -98,7 +99,7 @@ def _numbers(name: str, values: array, size: int) -> Vector:
     return numbers
 
 
-def membership_message(experiment_digest: str, epoch: int, members: list[str]) -> Membership:
+def membership_message(experiment_digest: str, epoch: int, members: list[str], key: bytes = b"") -> Membership:
     """Declare who takes part.
 
     Parameters
@@ -109,16 +110,19 @@ def membership_message(experiment_digest: str, epoch: int, members: list[str]) -
         Counts the declarations.
     members : list[str]
         Names.
+    key : bytes, optional
+        With which it is signed; empty: it is not.
 
     Returns
     -------
     Membership
         The stamp is the sender's to fill in.
     """
-    return Membership(experiment_digest=experiment_digest, epoch=epoch, members=members)
+    declared = signed(members, experiment_digest, epoch, key)
+    return Membership(experiment_digest=experiment_digest, epoch=epoch, members=declared)
 
 
-def read_membership(message: Membership, experiment_digest: str) -> list[str]:
+def read_membership(message: Membership, experiment_digest: str, key: bytes = b"") -> list[str]:
     """Read a declaration of who takes part.
 
     Parameters
@@ -127,6 +131,8 @@ def read_membership(message: Membership, experiment_digest: str) -> list[str]:
         As it came.
     experiment_digest : str
         Of the run.
+    key : bytes, optional
+        With which it must be signed; empty: whoever declares is believed.
 
     Returns
     -------
@@ -136,7 +142,7 @@ def read_membership(message: Membership, experiment_digest: str) -> list[str]:
     Raises
     ------
     RefusedMessageError
-        It is for another network.
+        It is for another network, or not signed.
     """
     require_experiment(message.experiment_digest, experiment_digest)
-    return list(message.members)
+    return verified(message.members, experiment_digest, message.epoch, key)

@@ -13,10 +13,15 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 
 from mabirds_core.errors import MabirdsError
-from mabirds_msgs_py.security import SecurityError, start_ros
+from mabirds_msgs_py.addresses import AddressWatch
+from mabirds_msgs_py.network_node import require_known_parameters
+from mabirds_msgs_py.security import start_ros
 
 EXIT_FINISHED = 0
 EXIT_BAD_INPUT = 2
+
+EXIT_MOVED = 75
+"""The host has other addresses than when the node began; its supervisor starts it again, with a new participant."""
 
 BAD_INPUT = (MabirdsError, InvalidParameterTypeException, InvalidParameterValueException)
 
@@ -55,14 +60,22 @@ def run_node(create: Callable[[], Node], help_text: str, arguments: Sequence[str
     _end_with_supervisor()
     try:
         start_ros(given)
-    except (SecurityError, RCLError) as error:
+    except MabirdsError as error:
         return _refuse(error)
     try:
+        executor = SingleThreadedExecutor()  # before the node is seen: whoever sees it may end this process
         node = create()
-        executor = SingleThreadedExecutor()
+        require_known_parameters(node)
         executor.add_node(node)
+        addresses, told = AddressWatch(), False
         while rclpy.ok() and not getattr(node, "done", False):
             executor.spin_once(timeout_sec=IDLE_WAKE_UP)
+            if not told and (words := addresses.changed()):
+                if SUPERVISOR in os.environ:
+                    print(f"{words}; to be started again", file=sys.stderr)  # noqa: T201 - into the log
+                    return EXIT_MOVED
+                node.get_logger().warning(f"{words}: others may not hear this process; start it again")
+                told = True
         node.destroy_node()
     except BAD_INPUT as error:
         return _refuse(error)
@@ -82,10 +95,13 @@ def _refuse(error: Exception) -> int:
 
 
 def _end_with_supervisor() -> None:
-    """Ask the kernel for SIGTERM should the supervisor be killed, so that no node is left behind."""
+    """Ask the kernel for SIGKILL should the supervisor be killed: no node is left behind, not even a stopped one.
+
+    What a learner has said is in its checkpoints by then.
+    """
     supervisor = os.environ.get(SUPERVISOR)
     if supervisor is None or sys.platform != "linux":
         return
-    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != int(supervisor):
         sys.exit("error: the supervisor is gone")

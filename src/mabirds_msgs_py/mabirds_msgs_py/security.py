@@ -5,6 +5,7 @@ a middleware that was built without it. So the settings are checked here, and th
 permissions allow: only one that enforces them refuses.
 """
 
+import difflib
 import email
 import os
 from collections.abc import Mapping, Sequence
@@ -22,11 +23,13 @@ from rclpy.parameter import Parameter
 from rclpy.utilities import get_rmw_implementation_identifier
 
 from mabirds_core.errors import MabirdsError
+from mabirds_msgs_py.process_settings import ProcessSettingsError, check_process_settings
 
 ENABLE = "ROS_SECURITY_ENABLE"
 STRATEGY = "ROS_SECURITY_STRATEGY"
 KEYSTORE = "ROS_SECURITY_KEYSTORE"
 OVERRIDE = "ROS_SECURITY_ENCLAVE_OVERRIDE"
+PREFIX = "ROS_SECURITY_"
 OPTIONS = ("--enclave", "-e")
 
 FILES = (
@@ -52,6 +55,9 @@ EXPECTED = {
 FORBIDDEN = "/mabirds_security_probe"
 """A topic of no policy."""
 
+ALLOWED = "/parameter_events"
+"""A topic of every policy."""
+
 
 class SecurityError(MabirdsError):
     """Security cannot be had as it was asked for."""
@@ -71,11 +77,17 @@ def start_ros(arguments: Sequence[str], **options: Any) -> None:
     ------
     SecurityError
         It is not; ROS is shut down then.
+    ProcessSettingsError
+        ROS cannot be started with these arguments in this environment.
     """
+    check_process_settings(arguments)
     secured = is_requested(arguments)
     if secured:
         check_settings(arguments)
-    rclpy.init(args=list(arguments), **options)
+    try:
+        rclpy.init(args=list(arguments), **options)
+    except RuntimeError as error:  # of several kinds
+        raise ProcessSettingsError(f"ROS does not start: {' '.join(str(error).split())}; see --help") from None
     try:
         if secured:
             prove_enforcement()
@@ -135,6 +147,7 @@ def is_requested(arguments: Sequence[str], environment: Mapping[str, str] = os.e
     SecurityError
         It seems so, but ROS would go on without.
     """
+    require_known_names(environment)
     enable = environment.get(ENABLE, "")
     if enable in {"true", "false"}:
         return enable == "true"
@@ -150,6 +163,23 @@ def is_requested(arguments: Sequence[str], environment: Mapping[str, str] = os.e
             f" {ENABLE}=true, or {ENABLE}=false to do without"
         )
     return False
+
+
+def require_known_names(environment: Mapping[str, str]) -> None:
+    """Check that no variable means security under a name that ROS does not read, old or misspelt.
+
+    Raises
+    ------
+    SecurityError
+        One does.
+    """
+    known = (ENABLE, STRATEGY, KEYSTORE, OVERRIDE)
+    for name in environment:
+        if name.upper().startswith(PREFIX) and name not in known:
+            tails = [option.removeprefix(PREFIX) for option in known]
+            nearest = difflib.get_close_matches(name.upper().removeprefix(PREFIX), tails, n=1)
+            hint = f"; {PREFIX}{nearest[0]} is meant, or unset it" if nearest else f"; ROS knows {', '.join(known)}"
+            raise SecurityError(f"{name} is set, which ROS does not read: it would start without security{hint}")
 
 
 def check_settings(arguments: Sequence[str], environment: Mapping[str, str] = os.environ) -> None:
@@ -234,7 +264,8 @@ def prove_enforcement(context: Context | None = None) -> None:
     """Check that the middleware refuses what no permissions allow.
 
     A node is made that publishes what every node publishes, and then one publisher more of the same type. If that one
-    is refused, the middleware has read permissions and enforces them.
+    is refused, and one for what every node publishes is not, the middleware has read permissions and enforces them: it
+    fails for no other reason.
 
     Parameters
     ----------
@@ -244,7 +275,7 @@ def prove_enforcement(context: Context | None = None) -> None:
     Raises
     ------
     SecurityError
-        It is not refused, or the middleware cannot start with security.
+        It is not refused, everything is, or the middleware cannot start with security.
     """
     middleware = get_rmw_implementation_identifier()
     try:
@@ -258,6 +289,7 @@ def prove_enforcement(context: Context | None = None) -> None:
     try:
         probe.create_publisher(ParameterEvent, FORBIDDEN, 1)
     except RCLError:
+        _require_allowed(probe, middleware)
         return
     finally:
         probe.destroy_node()
@@ -266,6 +298,18 @@ def prove_enforcement(context: Context | None = None) -> None:
         " nothing, or the permissions of this enclave allow everything; take a ROS installation whose middleware has"
         " security, and an enclave made by `mabirds security create`"
     )
+
+
+def _require_allowed(probe: Node, middleware: str) -> None:
+    """Raise SecurityError where what every policy allows is refused as well: then it was no refusal."""
+    try:
+        probe.create_publisher(ParameterEvent, ALLOWED, 1)
+    except RCLError as error:
+        reason = " ".join(str(error).split())
+        raise SecurityError(
+            f"{middleware} makes no publisher at all ({reason}), so that nothing is known of its permissions; see what"
+            " this process lacks"
+        ) from None
 
 
 def make_probe(context: Context | None) -> Node:

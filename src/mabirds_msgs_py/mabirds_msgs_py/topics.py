@@ -19,6 +19,38 @@ def mass(receiver: str) -> str:
     return f"mass/{receiver}"
 
 
+def of_run(service: str, run: str, digest: str, *, secured: bool) -> str:
+    """The name of a service in one run, so that nobody asks the namesake of another one in the same domain.
+
+    Of several servers of one name the first that answers would be heard. Where security is on, names are those of the
+    policy, which knows no runs; strangers are kept out by it.
+
+    Parameters
+    ----------
+    service : str
+        Its name.
+    run : str
+        Name of the run; empty: it has none.
+    digest : str
+        Of the run.
+    secured : bool
+        Security is on.
+
+    Returns
+    -------
+    str
+        Relative as ``service`` is.
+
+    Examples
+    --------
+    >>> of_run("fetch_parameters", "monday", "v3-0123456789abcdef0123", secured=False)
+    'fetch_parameters/run_0123456789abcdef'
+    >>> of_run("fetch_parameters", "", "v3-0123456789abcdef0123", secured=False)
+    'fetch_parameters'
+    """
+    return service if secured or not run else f"{service}/run_{digest.rpartition('-')[2][:16]}"
+
+
 def split_namespace(namespace: str) -> tuple[str, str]:
     """The fleet's namespace and the learner's name.
 

@@ -114,7 +114,7 @@ def test_simulate_gives_the_same_summary_as_run(
 
 def test_manifest_names_versions_seeds_and_digests(simulation: tuple[Path, dict[str, Any]]) -> None:
     manifest = json.loads((simulation[0] / "manifest.json").read_text(encoding="utf-8"))
-    assert set(manifest["digests"]) == {"game", "experiment", "schedule"}
+    assert set(manifest["digests"]) == {"game", "experiment", "schedule", "bag"}
     assert manifest["seeds"] == {"learners": 3, "demonstrations": 0}
     assert all(manifest["versions"].values())
 
@@ -147,7 +147,7 @@ def gone(children: list[psutil.Process]) -> bool:
     return not any(child.is_running() and child.status() != psutil.STATUS_ZOMBIE for child in children)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_an_interrupted_run_leaves_its_recording_and_nothing_else_behind(
     slow_run: Any, tmp_path: Path, number: int
 ) -> None:
@@ -158,6 +158,8 @@ def test_an_interrupted_run_leaves_its_recording_and_nothing_else_behind(
     assert "interrupted; everything was stopped" in errors
     assert "Traceback" not in errors
     assert gone(children)
+    summary = json.loads((tmp_path / "runs" / "latest" / "summary.json").read_text(encoding="utf-8"))
+    assert (summary["complete"], summary["missing"][-1]) == (False, "interrupted")
     bag = tmp_path / "runs" / "latest" / "bag"
     assert (bag / "metadata.yaml").is_file()
     with Reader(bag) as reader:  # whole: index, footer and all
@@ -184,7 +186,9 @@ def test_a_run_whose_player_leaves_early_stops_the_rest(slow_run: Any) -> None:
 
 
 def test_nodes_do_not_outlive_a_killed_run(slow_run: Any) -> None:
+    """Not even one that was stopped before."""
     process, children = slow_run
+    children[0].send_signal(signal.SIGSTOP)
     process.kill()
     wait_until(lambda: gone(children))
 

@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from mabirds_bringup.commands.simulate import demonstrations_of, simulate_from_bag
+from mabirds_bringup.commands.demonstrations import demonstrations_of
+from mabirds_bringup.commands.simulate import simulate_from_bag
 from mabirds_bringup.console import summary_table
 from mabirds_bringup.evaluate.evaluation import LEVEL, Evaluation, constraint_rule, evaluate, summary
 from mabirds_bringup.evaluate.results import write_results
+from mabirds_bringup.run.certificate import Certificate
 from mabirds_bringup.run.run_directory import write_json
 from mabirds_core.algorithm.memory import stacked
 from mabirds_core.experiment.assembly import build_game, evaluation_policy, reward_of
@@ -207,9 +209,10 @@ def test_a_run_directory_holds_the_summary_and_a_page(
     learned: Learned, content: dict[str, Any], tmp_path: Path
 ) -> None:
     experiment, streams, history = learned
-    written = write_results(experiment, history, streams, tmp_path, 1.5)
-    assert written == content
-    write_json(tmp_path / "expected.json", content)
+    certificate = Certificate([], {"learner_1": 21}, {"learner_1": "0123"}, None, [])
+    written = write_results(experiment, history, streams, tmp_path, 1.5, certificate)
+    assert written == {**certificate.content, **content}
+    write_json(tmp_path / "expected.json", written)
     assert (tmp_path / "summary.json").read_text("utf-8") == (tmp_path / "expected.json").read_text("utf-8")
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     row = content["learners"]["learner_1"]

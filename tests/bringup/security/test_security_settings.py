@@ -61,6 +61,22 @@ def test_a_switch_that_ros_would_misunderstand_is_refused(value: str) -> None:
         is_requested([], {ENABLE: value})
 
 
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [
+        ("ros_security_enable", "ROS_SECURITY_ENABLE is meant"),
+        ("Ros_Security_Keystore", "ROS_SECURITY_KEYSTORE is meant"),
+        ("ROS_SECURITY_ENABLED", "ROS_SECURITY_ENABLE is meant"),
+        ("ROS_SECURITY_ROOT_DIRECTORY", "ROS knows ROS_SECURITY_ENABLE"),
+        ("ROS_SECURITY_X", "ROS knows ROS_SECURITY_ENABLE"),
+    ],
+)
+def test_an_old_or_misspelt_name_is_refused(secured: dict[str, str], name: str, meant: str) -> None:
+    for environment in ({}, secured, {ENABLE: "false"}):
+        with pytest.raises(SecurityError, match=f"{name} is set, which .*{meant}"):
+            is_requested([], {**environment, name: "x"})
+
+
 @pytest.mark.parametrize("name", [STRATEGY, KEYSTORE, OVERRIDE])
 def test_a_setting_without_the_switch_is_refused(name: str) -> None:
     with pytest.raises(SecurityError, match=f"{name} given without ROS_SECURITY_ENABLE"):

@@ -12,7 +12,8 @@ import pytest
 from mabirds_msgs.msg import LearnerStatus
 from rich.console import Console
 
-from mabirds_bringup.commands.simulate import demonstrations_of, simulate_from_bag
+from mabirds_bringup.commands.demonstrations import demonstrations_of
+from mabirds_bringup.commands.simulate import simulate_from_bag
 from mabirds_bringup.console import guarded_output, print_json
 from mabirds_bringup.evaluate.evaluation import evaluate
 from mabirds_bringup.report.page import write_report
@@ -93,6 +94,8 @@ def test_the_report_shows_its_numbers(tmp_path: Path) -> None:
         "learners": {"learner_1": row},
         "consensus_distance": {"theta": 3.85, "omega": 6.95, "policy": 0.87},
         "wall_seconds": 12.0,
+        "complete": True,
+        "missing": [],
     }
     write_report(tmp_path, summary, ["map.png"])
     page = (tmp_path / "report.html").read_text(encoding="utf-8")

@@ -9,7 +9,7 @@ import typer
 
 from mabirds_expert_player.player_parameters import FLAGS, LISTS, NUMBERS, TEXTS, WHOLE_NUMBERS
 
-OF_THE_NETWORK = ("baseline",)
+OF_THE_NETWORK = ("baseline", "bag_digest")
 """Parameters that a verb sets by itself."""
 
 LESS_THAN_ALL = ("playback_duration", "playback_until", "include", "exclude", "listeners", "loop", "stay", "bag")

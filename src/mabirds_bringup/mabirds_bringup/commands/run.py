@@ -1,25 +1,29 @@
 """``mabirds run``: the experiment as a network of processes."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Self
 
 import typer
 from rich.live import Live
 
-from mabirds_bringup.commands.options import CentralMethodName, ExperimentFile, Json, RunsDirectory
+from mabirds_bringup import exit_codes
+from mabirds_bringup.commands.demonstrations import digest_at_hand
+from mabirds_bringup.commands.options import CentralMethodName, Json, RunsDirectory
 from mabirds_bringup.commands.player_options import LESS_THAN_ALL, takes_player_options
-from mabirds_bringup.commands.simulate import demonstrations_of
-from mabirds_bringup.console import console, guarded_output, print_json
-from mabirds_bringup.evaluate.results import audit, write_results
+from mabirds_bringup.commands.report import report_on
+from mabirds_bringup.console import console, ending_as_interrupted, guarded_output, print_json
+from mabirds_bringup.evaluate.results import audit, write_unjudged
 from mabirds_bringup.run import run_directory
-from mabirds_bringup.run.network import Network
+from mabirds_bringup.run.certificate import certify
+from mabirds_bringup.run.network import PLAYER, Network, NetworkResult
+from mabirds_bringup.run.stored_run import NETWORK, RunPlan, StoredRun, begin, find_run, load_run, locked
 from mabirds_bringup.run.supervisor import Supervisor
 from mabirds_bringup.watch.live_table import live_table, plain_line
 from mabirds_bringup.watch.monitor import MonitorNode
+from mabirds_core.errors import ExperimentError, MabirdsError
 from mabirds_core.experiment.file import Experiment, load_experiment
-from mabirds_core.experiment.simulate import Streams
 
 LINE_PERIOD = 2.0
 """Seconds between two lines of progress where the output is not a terminal."""
@@ -27,8 +31,11 @@ LINE_PERIOD = 2.0
 
 @takes_player_options(*LESS_THAN_ALL)
 def run(  # noqa: PLR0913, PLR0917 - the options of a command
-    file: ExperimentFile,
     player: dict[str, Any],
+    file: Annotated[
+        Path | None,
+        typer.Argument(metavar="EXPERIMENT", help="Experiment file, such as ros_ws/config/patrol.yaml."),
+    ] = None,
     method: CentralMethodName = None,
     restarts: Annotated[
         int, typer.Option(help="How often a node that died is started again; it goes on where it was.", min=0)
@@ -37,52 +44,125 @@ def run(  # noqa: PLR0913, PLR0917 - the options of a command
         list[str] | None,
         typer.Option(help="Start only this learner, or expert_player, on this host; may be given several times."),
     ] = None,
-    name: Annotated[str, typer.Option("--run", help="With --only: a name that all hosts of the run share.")] = "",
+    name: Annotated[
+        str,
+        typer.Option(
+            "--run", help="A name that all hosts of the run share. The same command goes on with a run of this name."
+        ),
+    ] = "",
+    resume: Annotated[
+        Path | None, typer.Option(help="Go on with the run of this directory, from its checkpoints.")
+    ] = None,
     out: RunsDirectory = Path("runs"),
     as_json: Json = False,
-) -> None:
+) -> int:
     """Run an experiment: one process per learner plus the expert player, until everything is learned.
 
     Example: mabirds run ros_ws/config/patrol.yaml --rate 10
     """
-    with guarded_output() as stdout:
-        experiment = load_experiment(file)
-        directory = run_directory.create(out, experiment.name)
-        run_directory.write_manifest(directory, experiment, file, "network")
-        start = time.monotonic()
-        network = Network(
-            experiment,
-            file.absolute(),
-            directory,
-            player,
-            method=method,
-            restarts=restarts,
-            only=only or (),
-            shared_run=name,
+    plan = RunPlan(name, _absolute(player), method, restarts, tuple(only or ()))
+    with guarded_output() as stdout, ending_as_interrupted():
+        if resume:
+            stored = _to_resume(load_run(resume.resolve()), file)
+        else:
+            stored = _named_or_new(file, plan, out)
+            if name and stored.summary().get("complete"):
+                console.print(f"{stored.directory} is complete; there is nothing to go on with", soft_wrap=True)
+                return _shown(stored.summary(), as_json, stdout)
+        player = {**stored.plan.player, **_absolute(player)}
+        with locked(stored.directory):
+            content = _run(stored, player, restarts)
+        return _shown(content, as_json, stdout)
+
+
+def _absolute(player: Mapping[str, Any]) -> dict[str, Any]:
+    """The player's options as they must be written down: a run is gone on with from anywhere."""
+    bags = {"bags": [str(Path(bag).absolute()) for bag in player["bags"]]} if "bags" in player else {}
+    return {**player, **bags}
+
+
+def _shown(content: Any, as_json: bool, stdout: Any) -> int:
+    if as_json:
+        print_json(content, stdout)
+    return exit_codes.FINISHED if content["complete"] else exit_codes.INCOMPLETE
+
+
+def _to_resume(stored: StoredRun, file: Path | None) -> StoredRun:
+    """The run, if it can be gone on with."""
+    if NETWORK not in stored.manifest:
+        raise ExperimentError(f"--resume {stored.directory}: ran in process and keeps no checkpoints; start it again")
+    if stored.plan.method:
+        raise ExperimentError(
+            f"--resume {stored.directory}: {stored.plan.method} is a central method and keeps no checkpoints; start it"
+            " again"
         )
+    if file and (found := load_experiment(file).digest) != stored.experiment.digest:
+        raise ExperimentError(
+            f"--resume {stored.directory}: is of another experiment (digest {stored.experiment.digest}) than {file}"
+            f" ({found}); leave out the file, or start another run"
+        )
+    found_digest = digest_at_hand(stored.experiment, stored.file, stored.plan.bags, needed=_plays(stored.plan))
+    if found_digest and stored.bag_digest and found_digest != stored.bag_digest:
+        raise ExperimentError(
+            f"{stored.experiment.demonstrations.bag}: holds other demonstrations (digest {found_digest}) than those"
+            f" with which the run began ({stored.bag_digest}): bring the first bag back, or start another run"
+        )
+    run_directory.make_latest(stored.directory)
+    console.print(f"going on with {stored.directory}", soft_wrap=True)
+    return stored
+
+
+def _plays(plan: RunPlan) -> bool:
+    """Does the player run on this host?"""
+    return not plan.only or PLAYER in plan.only
+
+
+def _named_or_new(file: Path | None, plan: RunPlan, out: Path) -> StoredRun:
+    """The run of this name on this host, or a new one, once all is checked that can be before anything starts."""
+    if file is None:
+        raise ExperimentError("Missing argument EXPERIMENT: give an experiment file, or --resume RUN_DIRECTORY")
+    experiment = load_experiment(file)
+    if strangers := sorted(set(plan.only) - {*experiment.learners, *filter(None, [plan.method]), PLAYER}):
+        raise ExperimentError(f"--only {strangers[0]}: expected some of {[*experiment.learners, PLAYER]}")
+    if found := find_run(out, experiment, plan) if plan.run else None:
+        return found if found.summary().get("complete") else _to_resume(found, None)
+    bag_digest = digest_at_hand(experiment, file, plan.bags, needed=_plays(plan))
+    return begin(out, experiment, file, bag_digest=bag_digest, plan=plan, method=plan.method)
+
+
+def _run(stored: StoredRun, player: Mapping[str, object], restarts: int) -> dict[str, Any]:
+    """Run, and write what came of it, be it whole or not."""
+    experiment, start = stored.experiment, time.monotonic()
+    network = Network(
+        experiment,
+        stored.file.absolute(),
+        stored.directory,
+        player,
+        method=stored.plan.method,
+        restarts=restarts,
+        only=stored.plan.only,
+        shared_run=stored.plan.run,
+        bag_digest=stored.bag_digest or "",
+    )
+    try:
         with _Display(experiment, network) as display:
             result = network.run(display.update)
-        rounds = experiment.iterations + experiment.closing_rounds
-        delivered = None if method else audit(experiment.edge_schedule, result.delivered, rounds)
-        if delivered and result.mass_residual is not None:
-            delivered |= {"late": len(delivered.pop("edge_mismatches")), "mass_residual": result.mass_residual}
-        seconds = time.monotonic() - start
-        demonstrations = _at_hand(experiment, [Path(bag) for bag in player.get("bags", [])])
-        content = write_results(experiment, result.history, demonstrations, directory, seconds, delivered)
-        if as_json:
-            print_json(content, stdout)
+        return report_on(stored, time.monotonic() - start, result.departed, _audited(stored, result))
+    except (KeyboardInterrupt, MabirdsError, OSError) as error:
+        with stored.open_history() as kept:
+            write_unjudged(stored.directory, certify(stored, kept), str(error) or "interrupted")
+        raise
 
 
-def _at_hand(experiment: Experiment, bags: Sequence[Path]) -> Streams:
-    """The demonstrations that learners had, for the test of constraints; none on a host without the bags."""
-    bags = bags or [experiment.demonstrations.bag]
-    if all(bag.exists() for bag in bags):
-        return demonstrations_of(experiment, bags)
-    console.print(
-        f"{', '.join(map(str, bags))} is not on this host: constraints are told by the threshold on -omega",
-        soft_wrap=True,
-    )
-    return {}
+def _audited(stored: StoredRun, result: NetworkResult) -> dict[str, Any] | None:
+    """The delivered graph; None of a central method."""
+    if stored.plan.method:
+        return None
+    experiment = stored.experiment
+    delivered = audit(experiment.edge_schedule, result.delivered, experiment.iterations + experiment.closing_rounds)
+    if result.mass_residual is not None:
+        delivered |= {"late": len(delivered.pop("edge_mismatches")), "mass_residual": result.mass_residual}
+    return delivered
 
 
 class _Display:

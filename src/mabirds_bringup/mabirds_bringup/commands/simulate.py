@@ -1,18 +1,18 @@
 """``mabirds simulate``: the same experiment in one process, the reference for the network."""
 
 import time
-from collections.abc import Sequence
 from pathlib import Path
 
+from mabirds_bringup.commands.demonstrations import demonstrations_of
 from mabirds_bringup.commands.options import CentralMethodName, ExperimentFile, Json, RunsDirectory
-from mabirds_bringup.console import guarded_output, print_json, progress_bar
+from mabirds_bringup.console import ending_as_interrupted, guarded_output, print_json, progress_bar
 from mabirds_bringup.evaluate.results import write_results
-from mabirds_bringup.run import run_directory
-from mabirds_core.experiment.assembly import build_game
+from mabirds_bringup.run.certificate import certify
+from mabirds_bringup.run.stored_run import begin
+from mabirds_core.digest import demonstrations_digest
 from mabirds_core.experiment.file import Experiment, load_experiment
 from mabirds_core.experiment.simulate import History, Streams, simulate_central
 from mabirds_core.experiment.simulate import simulate as simulate_network
-from mabirds_msgs_py.bag_reader import DemonstrationBag
 
 
 def simulate(
@@ -25,22 +25,21 @@ def simulate(
 
     Example: mabirds simulate ros_ws/config/patrol.yaml
     """
-    with guarded_output() as stdout:
+    with guarded_output() as stdout, ending_as_interrupted():
         experiment = load_experiment(file)
         start = time.monotonic()
         demonstrations = demonstrations_of(experiment)
+        shown = {name: stream[: experiment.iterations] for name, stream in demonstrations.items()}
+        digest = demonstrations_digest(shown)
         history = simulate_with_progress(experiment, demonstrations, method)
-        directory = run_directory.create(out, experiment.name)
-        run_directory.write_manifest(directory, experiment, file, "in process")
-        content = write_results(experiment, history, demonstrations, directory, time.monotonic() - start)
+        stored = begin(out, experiment, file, bag_digest=digest, plan=None, method=method)
+        with stored.open_history() as kept:
+            kept.take(history)
+            certificate = certify(stored, kept)
+        seconds = time.monotonic() - start
+        content = write_results(experiment, history, demonstrations, stored.directory, seconds, certificate)
         if as_json:
             print_json(content, stdout)
-
-
-def demonstrations_of(experiment: Experiment, bags: Sequence[Path] = ()) -> Streams:
-    """Each learner's demonstrations, from these bags or the experiment's own."""
-    with DemonstrationBag(bags or experiment.demonstrations.bag, build_game(experiment), experiment.learners) as bag:
-        return {name: list(bag.trajectories(name)) for name in experiment.learners}
 
 
 def simulate_from_bag(experiment: Experiment, method: str | None = None) -> History:

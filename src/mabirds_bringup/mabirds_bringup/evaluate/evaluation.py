@@ -83,7 +83,11 @@ class Evaluation:
 
 
 def evaluate(
-    experiment: Experiment, history: History, demonstrations: Streams, on_row: Callable[[], None] = lambda: None
+    experiment: Experiment,
+    history: History,
+    demonstrations: Streams,
+    on_row: Callable[[LearnerMetrics], None] = lambda _: None,
+    judged: Sequence[LearnerMetrics] = (),
 ) -> Evaluation:
     """Judge theta(n), omega(n) of all learners by the game's judge.
 
@@ -96,7 +100,9 @@ def evaluate(
     demonstrations : Streams
         Each learner's, from which it learned; empty where they are not at hand.
     on_row : Callable
-        Called after each iteration that was judged.
+        Called with each iteration that was judged.
+    judged : Sequence
+        What is known of an evaluation of the same run that was interrupted.
 
     Returns
     -------
@@ -104,16 +110,20 @@ def evaluate(
         Exact or sampled, as the game's judge says.
     """
     game = build_game(experiment)
-    held_out, rows = draw_held_out(experiment, game), []
+    held_out, rows = draw_held_out(experiment, game), list[LearnerMetrics]()
+    before = {(row.learner, row.iteration): row for row in judged}
     for name, parameters in history.items():
         policy = evaluation_policy(experiment, name, game)
         for iteration in game.judge.eval_iterations(len(parameters)):
-            planned = policy(parameters[iteration - 1])
-            imitation = game.judge.imitation(planned, experiment.seed)
-            likelihood = held_out.log_likelihood(game, planned)
-            certificate = game.judge.certificate(planned, experiment.seed)
-            rows.append(LearnerMetrics(name, iteration, *imitation, likelihood, certificate))
-            on_row()
+            row = before.get((name, iteration))
+            if row is None:
+                planned = policy(parameters[iteration - 1])
+                imitation = game.judge.imitation(planned, experiment.seed)
+                likelihood = held_out.log_likelihood(game, planned)
+                certificate = game.judge.certificate(planned, experiment.seed)
+                row = LearnerMetrics(name, iteration, *imitation, likelihood, certificate)
+            rows.append(row)
+            on_row(row)
     together = list(zip(*history.values(), strict=False))
     final = {name: parameters[-1] for name, parameters in history.items()}
     policies = {name: evaluation_policy(experiment, name, game)(last) for name, last in final.items()}

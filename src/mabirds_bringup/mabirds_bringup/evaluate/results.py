@@ -5,9 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from mabirds_bringup.console import console, progress_bar, summary_table
-from mabirds_bringup.evaluate.evaluation import evaluate, summary
+from mabirds_bringup.evaluate.evaluation import LearnerMetrics, evaluate, summary
 from mabirds_bringup.report.page import write_report
 from mabirds_bringup.run import run_directory
+from mabirds_bringup.run.certificate import Certificate
 from mabirds_core.consensus.assumptions import validate
 from mabirds_core.consensus.schedule import DeliveredEdges, EdgeSchedule, delivered_edges, edge_mismatches
 from mabirds_core.errors import ScheduleError
@@ -37,27 +38,59 @@ def write_results(
     demonstrations: Streams,
     directory: Path,
     seconds: float,
+    certificate: Certificate,
     delivered: dict[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Evaluate ``history``, write metrics.csv, figures, report.html and summary.json; show and return the summary.
 
-    ``demonstrations``: each learner's. ``delivered``: the ``audit`` of a network's run.
+    ``demonstrations``: each learner's. ``certificate``: what the history is worth. ``delivered``: the ``audit`` of a
+    network's run. Where it is interrupted, what was judged is kept for the next time.
     """
     from mabirds_bringup.report.figures import save_figures  # matplotlib takes a second to load
 
     judge = build_game(experiment).judge
     total = sum(len(judge.eval_iterations(len(parameters))) for parameters in history.values())
-    with progress_bar() as bar:
-        task = bar.add_task("evaluating", total=total)
-        evaluation = evaluate(experiment, history, demonstrations, lambda: bar.advance(task))
-    content = summary(experiment, evaluation, seconds)
+    rows: list[LearnerMetrics] = []
+    try:
+        with progress_bar() as bar:
+            task = bar.add_task("evaluating", total=total)
+
+            def on_row(row: LearnerMetrics) -> None:
+                rows.append(row)
+                bar.advance(task)
+
+            evaluation = evaluate(experiment, history, demonstrations, on_row, run_directory.read_judged(directory))
+    except KeyboardInterrupt:
+        run_directory.write_judged(directory, rows)
+        raise
+    content = {**certificate.content, **summary(experiment, evaluation, seconds)}
     if delivered is not None:
         content["delivered_graph"] = delivered
     run_directory.write_metrics(directory, evaluation)
     write_report(directory, content, save_figures(experiment, history, evaluation, directory))
     run_directory.write_json(directory / "summary.json", content)
     console.print(summary_table(content))
+    show_missing(content, directory)
     for mismatch in (delivered or {}).get("edge_mismatches", ()):
         console.print(f"the delivered graph differs: {mismatch}", style="red", soft_wrap=True)
     console.print(f"results in {directory}; open {directory / 'report.html'}")
     return content
+
+
+def write_unjudged(directory: Path, certificate: Certificate, why: str) -> None:
+    """summary.json of a run that ended early: what is known of it, and no rates. ``why``: in words."""
+    content = certificate.content
+    content["complete"], content["missing"] = False, [*certificate.missing, why]
+    run_directory.write_json(directory / "summary.json", content)
+    show_missing(content, directory)
+
+
+def show_missing(summary: dict[str, Any], directory: Path) -> None:
+    """Say loudly what is missing of a run, and what to do."""
+    for words in summary["missing"]:
+        console.print(f"incomplete: {words}", style="red", soft_wrap=True)
+    if summary["missing"]:
+        console.print(
+            f"go on with `mabirds run --resume {directory}`, or see what is there with `mabirds report {directory}`",
+            soft_wrap=True,
+        )

@@ -6,28 +6,32 @@ from typing import Any
 
 from mabirds_msgs.msg import LearnerStatus, Membership
 from rclpy.executors import Executor
-from rclpy.node import Node
 
 from mabirds_core.errors import MabirdsError
 from mabirds_core.texts import sanitize
 from mabirds_msgs_py import topics
+from mabirds_msgs_py.declaration_key import UNSIGNED
 from mabirds_msgs_py.mass_conversion import membership_message
+from mabirds_msgs_py.network_node import NetworkNode
 from mabirds_msgs_py.qos import STATUS_QOS, latched
 
-REFUSAL = "impossible_schedule"
-"""What a learner counts that cannot follow, since its schedule would fall apart."""
+REFUSALS = ("impossible_schedule", UNSIGNED)
+"""What a learner counts that does not follow: its schedule would fall apart, or it asks for a signature."""
 
 
 class DeclarationError(MabirdsError):
     """A declaration that cannot be made, or that learners do not follow."""
 
 
-class MembershipPublisher(Node):
-    """Listens to the members-to-be and declares them. ``digest``: of the network; "": of the one that is heard."""
+class MembershipPublisher(NetworkNode):
+    """Listens to the members-to-be and declares them.
 
-    def __init__(self, members: Sequence[str], digest: str = "", **node_options: Any) -> None:
+    ``digest``: of the network; "": of the one that is heard. ``key``: with which declarations are signed.
+    """
+
+    def __init__(self, members: Sequence[str], digest: str = "", key: bytes = b"", **node_options: Any) -> None:
         super().__init__("declarer", **node_options)
-        self._members, self._digest = list(members), digest
+        self._members, self._digest, self._key = list(members), digest, key
         self.statuses: dict[str, LearnerStatus] = {}
         self._publisher = self.create_publisher(Membership, topics.MEMBERSHIP, latched(1))
         for name in self._members:
@@ -64,7 +68,7 @@ class MembershipPublisher(Node):
         if epoch == 1:
             raise DeclarationError("these learners run in strict mode, where all learners always take part")
         self._refused_before = {name: self._refused(name) for name in self._members}
-        message = membership_message(digests.pop(), epoch, self._members)
+        message = membership_message(digests.pop(), epoch, self._members, self._key)
         message.stamp = self.get_clock().now().to_msg()
         self._publisher.publish(message)
 
@@ -73,7 +77,8 @@ class MembershipPublisher(Node):
 
     def _refused(self, name: str) -> int:
         status = self.statuses[name]
-        return dict(zip(status.drop_reasons, status.drop_counts, strict=False)).get(REFUSAL, 0)
+        counts = dict(zip(status.drop_reasons, status.drop_counts, strict=False))
+        return sum(counts.get(reason, 0) for reason in REFUSALS)
 
     def _refusals(self) -> list[str]:
         """What learners say that have refused since the declaration."""

@@ -15,17 +15,23 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
 from mabirds_bringup.run import processes
+from mabirds_bringup.run.recording import Recording
 from mabirds_bringup.run.supervisor import Supervisor
 from mabirds_bringup.watch.monitor import MonitorNode
+from mabirds_bringup.watch.watched_history import DIRECTORY
 from mabirds_core.consensus.schedule import DeliveredEdges
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History
-from mabirds_msgs_py.bag_writer import BagWriter
+from mabirds_msgs_py.addresses import AddressWatch
+from mabirds_msgs_py.declaration_key import make_key, read_key
 from mabirds_msgs_py.security import enclave_arguments, start_ros
 
 PLAYER = "expert_player"
 """Name of the player among the processes."""
+
+KEY = "declaration.key"
+"""Name of the file with the key of declarations, in a run directory."""
 
 SHUTDOWN_TIMEOUT = 5.0
 """Seconds in which those who stay hear what was said before somebody leaves."""
@@ -44,12 +50,13 @@ def _nothing(monitor: MonitorNode, supervisor: Supervisor, news: Sequence[str]) 
 class NetworkResult(NamedTuple):
     """What the monitor received: theta and omega of all iterations, and who mixed whose.
 
-    ``mass_residual``: of resilient mode, see ``MonitorNode.mass_residual``.
+    ``mass_residual``: of resilient mode, see ``MonitorNode.mass_residual``. ``departed``: without whom it went on.
     """
 
     history: History
     delivered: DeliveredEdges
     mass_residual: float | None
+    departed: Sequence[str]
 
 
 @dataclass(frozen=True)
@@ -59,7 +66,7 @@ class Network:
     ``player``: parameters of the player, such as rate. ``order``: names in the order in which to start them; the
     network must not depend on it. ``method``: a central method that learns in the learners' place. ``restarts``: how
     often a node that died is started again. ``only``: the nodes that belong on this host, where others run the rest
-    of the experiment under the same ``run`` name.
+    of the experiment under the same ``run`` name. ``bag_digest``: of the demonstrations that must be played; "": any.
     """
 
     experiment: Experiment
@@ -71,6 +78,7 @@ class Network:
     restarts: int = 0
     only: Sequence[str] = ()
     shared_run: str = ""
+    bag_digest: str = ""
 
     def __post_init__(self) -> None:
         """Raise ExperimentError for a node that the experiment does not have."""
@@ -94,16 +102,24 @@ class Network:
         before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # end as on Ctrl-C: nothing left behind
         supervisor = Supervisor(self._commands(), self.directory / "logs", self.restarts, self._optional)
         try:
-            with BagWriter(self.directory / "bag", keep=True) as recording, _spinning() as executor:
-                monitor = MonitorNode(self.experiment, recording, self._run, self.names)
+            with Recording(self.directory) as recording, _spinning() as executor:
+                key = read_key(self._key_file) if self._key_file else b""
+                place = self.directory / DIRECTORY
+                monitor = MonitorNode(self.experiment, recording, self._run, self.names, place, key)
                 executor.add_node(monitor)
 
                 def is_done(name: str, code: int) -> bool:
-                    return name == PLAYER and code == 0 and _hear_out(executor, monitor)
+                    if name != PLAYER:
+                        return code == 0 and monitor.has_departed(name)
+                    return code == 0 and _hear_out(executor, monitor)
 
+                addresses, moved = AddressWatch(), ""
                 while not monitor.finished:
                     executor.spin_once(timeout_sec=TICK)
-                    news = supervisor.poll(monitor.statuses, is_done)
+                    news = [*supervisor.poll(monitor.statuses, is_done), *recording.news]
+                    recording.news.clear()
+                    if not moved and (moved := addresses.changed() or ""):
+                        news.append(f"{moved}: this supervisor may hear nobody; Ctrl-C, then `mabirds run --resume`")
                     monitor.declare_without(supervisor.failed())
                     on_tick(monitor, supervisor, news)
                     if self._difference(monitor):
@@ -112,7 +128,9 @@ class Network:
                     _spin_for(SHUTDOWN_TIMEOUT, executor)  # other hosts are to hear the last of this one, too
                 if difference := self._difference(monitor):
                     raise ExperimentError(difference)
-                return NetworkResult(monitor.history(), monitor.delivered(), monitor.mass_residual())
+                monitor.kept.fill_from(self.directory / "checkpoints")
+                departed = [name for name in self.names if name not in monitor.taking_part()]
+                return NetworkResult(monitor.history(), monitor.delivered(), monitor.mass_residual(), departed)
         finally:
             supervisor.stop()
             signal.signal(signal.SIGTERM, before)
@@ -124,9 +142,17 @@ class Network:
         return self.names if self.experiment.mixing.declares_members and not self.method else ()
 
     @cached_property
+    def _key_file(self) -> Path | None:
+        """Of the key of this run's declarations; None where nobody declares, or other hosts have to know it, too."""
+        if not self.experiment.mixing.declares_members or self.method or self.only:
+            return None
+        make_key(self.directory / KEY)
+        return self.directory / KEY
+
+    @cached_property
     def _run(self) -> str:
         """A name that no other run has, or that of all hosts of this one."""
-        return self.shared_run if self.only else f"{self.directory.name}-{secrets.token_hex(4)}"
+        return self.shared_run if self.shared_run or self.only else f"{self.directory.name}-{secrets.token_hex(4)}"
 
     def _difference(self, monitor: MonitorNode) -> str | None:
         """How another host's experiment differs from this one; of other runs in this domain it may."""
@@ -138,7 +164,7 @@ class Network:
     def _commands(self) -> dict[str, list[str]]:
         """Command lines by name, in the order in which to start them."""
         commands = {name: self._learning_command(name) for name in self.names}
-        player = {**self.player, "run": self._run, "baseline": self.method or ""}
+        player = {**self.player, "run": self._run, "baseline": self.method or "", "bag_digest": self.bag_digest}
         commands[PLAYER] = processes.player_command(self.file, player)
         return {name: commands[name] for name in self.only or self.order or commands}
 
@@ -146,7 +172,8 @@ class Network:
         if self.method:
             return processes.baseline_command(name, self.file, run=self._run)
         checkpoints = str(self.directory / "checkpoints" / name)
-        return processes.learner_command(name, self.file, run=self._run, checkpoints=checkpoints)
+        key = {"declaration_key": str(self._key_file)} if self._key_file else {}
+        return processes.learner_command(name, self.file, run=self._run, checkpoints=checkpoints, **key)
 
 
 @contextmanager

@@ -88,6 +88,7 @@ def stop(processes: Sequence[NodeProcess]) -> None:
     """SIGTERM to all, then SIGKILL to the groups of those that are still there after STOP_PATIENCE."""
     for process in processes:
         _signal(process, signal.SIGTERM)
+        _signal(process, signal.SIGCONT)  # one that was stopped hears it then
     deadline = time.monotonic() + STOP_PATIENCE
     for process in processes:
         try:

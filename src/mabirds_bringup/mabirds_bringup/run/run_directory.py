@@ -7,6 +7,7 @@ import platform
 import shlex
 import subprocess
 import sys
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, fields
 from datetime import UTC, datetime
@@ -20,24 +21,31 @@ from mabirds_core.experiment.assembly import build_game
 from mabirds_core.experiment.file import Experiment
 
 CONTENTS = {
-    "manifest.json": "settings, digests, seeds, versions, commit, command",
-    "summary.json": "per learner CVR, SR, FPR, FNR and learned constraints; consensus distances; the delivered graph,"
-    " audited; wall time",
+    "manifest.json": "run name, settings, digests, seeds, versions, commit, command",
+    "experiment.yaml": "the experiment as it was at the start, with the place of its bag; a run goes on with this one",
+    "summary.json": "whether the run is complete, the last iteration and the digest of the final parameters of each"
+    " learner, digest of the bag; per learner CVR, SR, FPR, FNR and learned constraints; consensus distances; the"
+    " delivered graph, audited; wall time",
     "metrics.csv": "rates and consensus distances per learner and iteration",
     "report.html": "the same with figures",
     "map.png": "what each learner takes for forbidden, and how it would act",
     "curves.png": "rates and consensus distances against demonstrations",
+    "parameters": "theta and omega of every learner and iteration, and whose it mixed",
     "checkpoints": "of every learner; they hold demonstrations",
     "bag": "parameters, status and schedule of every learner; no demonstrations, which stay where they belong",
     "logs": "one log per process",
 }
-"""Files and folders of a run directory and what they hold; the last three are a network's."""
+"""Files and folders of a run directory and what they hold; ``parameters`` and what follows are a network's."""
+
+METRICS = "metrics.csv"
+
+COLUMNS = [field.name for field in fields(LearnerMetrics)]
 
 PACKAGES = ("mabirds-core", "mabirds-msgs", "numpy", "ros-rclpy", "ros-fastrtps", "mcap")
 
 
 def create(root: Path, name: str) -> Path:
-    """``root/<time>-<name>`` with a place for logs; ``root/latest`` points to it."""
+    """Make ``root/<time>-<name>`` with a place for logs; ``root/latest`` points to it."""
     root.mkdir(parents=True, exist_ok=True)
     stem = f"{datetime.now(UTC):%Y%m%dT%H%M%S}-{name}"
     for directory in (root / name for name in chain([stem], (f"{stem}-{n}" for n in count(2)))):
@@ -45,20 +53,23 @@ def create(root: Path, name: str) -> Path:
             directory.mkdir()
             break
     (directory / "logs").mkdir()
-    _point(root / "latest", directory.name)
+    make_latest(directory)
     return directory
 
 
-def _point(link: Path, target: str) -> None:
-    """Make or move a symbolic link in one step."""
+def make_latest(directory: Path) -> None:
+    """Make or move, in one step, the link ``latest`` beside a run directory."""
+    link, target = directory.parent / "latest", directory.name
     temporary = link.with_name(f".latest-{os.getpid()}")
     temporary.unlink(missing_ok=True)
     temporary.symlink_to(target)
     temporary.replace(link)
 
 
-def write_manifest(directory: Path, experiment: Experiment, file: Path, mode: str) -> None:
-    """manifest.json: what ran, with which versions, seeds and digests."""
+def write_manifest(
+    directory: Path, experiment: Experiment, file: Path, mode: str, bag_digest: str | None, more: Mapping[str, Any]
+) -> None:
+    """manifest.json: what ran, with which versions, seeds and digests. ``more``: how a network was started."""
     write_json(
         directory / "manifest.json",
         {
@@ -71,7 +82,9 @@ def write_manifest(directory: Path, experiment: Experiment, file: Path, mode: st
                 "game": build_game(experiment).digest,
                 "experiment": experiment.digest,
                 "schedule": experiment.edge_schedule.digest,
+                "bag": bag_digest,
             },
+            **more,
             "seeds": {"learners": experiment.seed, "demonstrations": experiment.demonstrations.seed},
             "commit": _commit(file.resolve().parent),
             "versions": {"python": platform.python_version(), **{name: _version(name) for name in PACKAGES}},
@@ -101,9 +114,8 @@ def _version(package: str) -> str | None:
 
 def write_metrics(directory: Path, evaluation: Evaluation) -> None:
     """metrics.csv: one row per learner and iteration, with the consensus distances of that iteration."""
-    columns = [field.name for field in fields(LearnerMetrics)]
-    with (directory / "metrics.csv").open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, [*columns, "consensus_theta", "consensus_omega"])
+    with (directory / METRICS).open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.DictWriter(stream, [*COLUMNS, "consensus_theta", "consensus_omega"])
         writer.writeheader()
         for row in evaluation.rows:
             distances = {
@@ -114,6 +126,32 @@ def write_metrics(directory: Path, evaluation: Evaluation) -> None:
             writer.writerow({**asdict(row), **distances})
 
 
+def write_judged(directory: Path, rows: Sequence[LearnerMetrics]) -> None:
+    """metrics.csv of an evaluation that was interrupted: what was judged until then."""
+    with (directory / METRICS).open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.DictWriter(stream, COLUMNS)
+        writer.writeheader()
+        writer.writerows(asdict(row) for row in rows)
+
+
+def read_judged(directory: Path) -> list[LearnerMetrics]:
+    """What metrics.csv says was judged; nothing where there is none, or one that was cut short."""
+    file = directory / METRICS
+    if not file.exists():
+        return []
+    with file.open(newline="", encoding="utf-8") as stream, suppress(KeyError, TypeError, ValueError):
+        return [_judged(row) for row in csv.DictReader(stream)]
+    return []
+
+
+def _judged(row: Mapping[str, str]) -> LearnerMetrics:
+    rates = float(row["violation_rate"]), float(row["success_rate"])
+    nats = [float(row[name]) if row[name] else None for name in ("held_out_log_likelihood", "certificate")]
+    return LearnerMetrics(row["learner"], int(row["iteration"]), *rates, *nats)
+
+
 def write_json(file: Path, content: Any) -> None:
-    """Write JSON for people and programs."""
-    file.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    """Write JSON for people and programs: the old content or the new, nothing in between."""
+    unfinished = file.with_name(f".{file.name}.unfinished")
+    unfinished.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    unfinished.replace(file)

@@ -29,7 +29,7 @@ class MessageValidator:
     def __init__(self, experiment: Experiment, run: str, names: Sequence[str]) -> None:
         self._experiment, self.digest = experiment, experiment.run_digest(run)
         self._schedule = experiment.edge_schedule
-        self._initial = {name: _initial_parameters(experiment, name) for name in names}
+        self.initial = {name: initial_parameters(experiment, name) for name in names}
         closing = experiment.closing_rounds if set(names) <= set(experiment.learners) else 0
         self.last = experiment.iterations + closing + 1  # the iteration after which nothing is left to do
 
@@ -39,13 +39,18 @@ class MessageValidator:
 
     def parameters(self, name: str, message: ParametersMessage, received: Mapping[int, Parameters]) -> Parameters:
         """theta(n), omega(n) of ``name``; ``known``: those that it has sent before, by iteration."""
-        parameters = read_parameters(message, name, self.digest, self._schedule.digest, self._initial[name])
+        parameters = read_parameters(message, name, self.digest, self._schedule.digest, self.initial[name])
         check_iteration(message.iteration, 1, received, self.last, parameters)
         return parameters
 
     def status(self, name: str, message: LearnerStatus) -> None:
         """Is it from ``name``, and can a learner of this experiment say that of itself?"""
-        require_sender(message, name, self.digest, self._schedule.digest)
+        try:
+            require_sender(message, name, self.digest, self._schedule.digest)
+        except RefusedMessageError as error:
+            if error.reason == "wrong_experiment":
+                raise RefusedMessageError(error.reason, f"{error}; {self._what_differs(message)}") from None
+            raise
         strangers = sorted(set(message.mixed_from) - set(self._experiment.learners))
         for what, value, possible in (
             ("iteration", message.iteration, 1 <= message.iteration <= self.last),
@@ -60,6 +65,23 @@ class MessageValidator:
                 raise RefusedMessageError(
                     "impossible_status", f"{what} {value}: no learner of this experiment says that"
                 )
+
+    def _what_differs(self, message: LearnerStatus) -> str:
+        """Which part of the experiment another run of it has otherwise, as far as digests tell."""
+        parts = [
+            part
+            for part, theirs, ours in (
+                ("game", message.game_digest, self._game_digest),
+                ("schedule", message.schedule_digest, self._schedule.digest),
+            )
+            if theirs != ours
+        ]
+        rest = "algorithm, learners, mixing, iterations, closing_rounds or seed, or the name of the run"
+        return f"different: {' and '.join(parts)}" if parts else f"game and schedule are the same: it is {rest}"
+
+    @cached_property
+    def _game_digest(self) -> str:
+        return build_game(self._experiment).digest
 
     def constraints(self, name: str, message: Constraints) -> None:
         """Are they of ``name``, and of cost features of this experiment?"""
@@ -83,7 +105,7 @@ class MessageValidator:
             )
 
 
-def _initial_parameters(experiment: Experiment, name: str) -> Parameters:
+def initial_parameters(experiment: Experiment, name: str) -> Parameters:
     """What the learner or central method ``name`` begins with."""
     if name in experiment.learners:
         return build_learner(experiment, name).initial_state().parameters

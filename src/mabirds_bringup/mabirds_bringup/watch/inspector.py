@@ -12,7 +12,6 @@ import numpy as np
 from mabirds_msgs.msg import Constraints, EdgeSchedule, LearnerStatus, Parameters
 from rcl_interfaces.srv import GetParameters
 from rclpy.client import Client
-from rclpy.node import Node
 
 from mabirds_bringup.watch.live_table import STATES
 from mabirds_core.errors import MabirdsError, RefusedMessageError
@@ -23,6 +22,7 @@ from mabirds_msgs_py import topics
 from mabirds_msgs_py.constraints_conversion import read_constraints
 from mabirds_msgs_py.conversion import arrays, read_schedule
 from mabirds_msgs_py.interfaces import type_name
+from mabirds_msgs_py.network_node import NetworkNode
 from mabirds_msgs_py.qos import STATUS_QOS, latched
 
 SEARCH_PERIOD = 0.2
@@ -60,7 +60,7 @@ class WatchedLearner:
         return None not in (self.status, self.parameters, self.schedule) and self.answered
 
 
-class InspectorNode(Node):
+class InspectorNode(NetworkNode):
     """Calls ``on_parameters``, ``on_status`` and ``on_constraints`` with a learner at each of its messages.
 
     Names of cost features come from the learner's own experiment file, where it can be read here and has the digest

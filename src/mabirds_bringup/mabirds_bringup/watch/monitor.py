@@ -3,28 +3,28 @@
 from collections import Counter
 from collections.abc import Collection, Sequence
 from functools import partial
-from itertools import count, takewhile
-from typing import Any
+from pathlib import Path
+from typing import Any, Protocol
 
 from mabirds_msgs.msg import Constraints, EdgeSchedule, LearnerStatus, Membership
 from mabirds_msgs.msg import Parameters as ParametersMessage
 from mabirds_msgs.srv import FetchParameters
 from rclpy.client import Client
-from rclpy.node import Node
 
 from mabirds_bringup.watch.admission import EXPECTED, MessageValidator
-from mabirds_core.algorithm.parameters import Parameters
+from mabirds_bringup.watch.watched_history import WatchedHistory
 from mabirds_core.consensus.schedule import DeliveredEdges
-from mabirds_core.errors import RefusedMessageError
+from mabirds_core.errors import CheckpointError, RefusedMessageError
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History
 from mabirds_core.metrics.metrics import consensus_distance
 from mabirds_msgs_py import topics
-from mabirds_msgs_py.bag_writer import BagWriter
 from mabirds_msgs_py.conversion import nanoseconds
 from mabirds_msgs_py.mass_conversion import membership_message
+from mabirds_msgs_py.network_node import NetworkNode
 from mabirds_msgs_py.presence import LivelinessMonitor
 from mabirds_msgs_py.qos import STATUS_QOS, announced, latched
+from mabirds_msgs_py.security import is_requested
 
 DEPTH = 10_000
 """The monitor must not lose what learners publish while it draws; writers keep less, so this costs nothing."""
@@ -34,11 +34,21 @@ GAP_PERIOD, GAPS_AT_ONCE = 0.5, 32
 """Seconds between two looks at what was missed, and how much of it is asked for in one."""
 
 
-class MonitorNode(Node):
+class Recorder(Protocol):
+    """What messages are recorded to."""
+
+    def write(self, topic: str, message: Any, time: int, /) -> None:
+        """Append a message of ``topic``; ``time`` in nanoseconds."""
+        ...
+
+
+class MonitorNode(NetworkNode):
     """Collects theta(n), omega(n) and the newest status of every learner of an experiment, and records all to a bag.
 
-    ``names``: who learns, where it is not the experiment's learners. ``parameters[name][n]``, ``statuses[name]``;
-    ``presence``: whose process is gone. ``lost``: by name, iterations that were missed and that nobody keeps any more.
+    ``names``: who learns, where it is not the experiment's learners. ``directory``: of the files of ``kept``, which a
+    run that goes on begins with; None: of no use afterwards. ``parameters[name][n]``, ``statuses[name]``; ``presence``:
+    whose process is gone. ``lost``: by name, iterations that were missed and that nobody keeps any more.
+    ``key``: of its declarations.
     Messages of other runs, and what no learner of the experiment can say, are neither shown nor recorded; ``drops``
     counts them by reason, and ``refusals`` says why, of the newest for each reason.
     """
@@ -46,29 +56,38 @@ class MonitorNode(Node):
     def __init__(
         self,
         experiment: Experiment,
-        recording: BagWriter,
+        recording: Recorder,
         run: str = "",
         names: Sequence[str] | None = None,
+        directory: Path | None = None,
+        key: bytes = b"",
         **node_options: Any,
     ) -> None:
         super().__init__("monitor", **node_options)
-        self._experiment, self._recording = experiment, recording
+        self._experiment, self._recording, self._key = experiment, recording, key
         self.names = tuple(names or experiment.learners)
         self._admission = MessageValidator(experiment, run, self.names)
         self.drops: Counter[str] = Counter()
         self.refusals: dict[str, str] = {}
-        self.parameters: dict[str, dict[int, Parameters]] = {name: {} for name in self.names}
+        self.kept = WatchedHistory(directory, self._admission.initial, experiment.learners, self._admission.digest)
+        self.parameters = self.kept.parameters
         self.statuses: dict[str, LearnerStatus] = {}
-        self._mixed: dict[str, dict[int, list[str]]] = {name: {} for name in self.names}
         self.presence = LivelinessMonitor()
         self.lost: dict[str, set[int]] = {name: set() for name in self.names}
         self._fetch: dict[str, Client] = {}
         self._declared: set[str] = set()
+        digest, secured = self._admission.digest, is_requested([])
+        self._service = topics.of_run(topics.FETCH_PARAMETERS, run, digest, secured=secured)
         if experiment.mixing.declares_members:
             self._membership_publisher = self.create_publisher(Membership, topics.MEMBERSHIP, latched(1))
         for name in self.names:
             self._watch(name)
         self.create_timer(GAP_PERIOD, self._ask_for_gaps)
+
+    def destroy_node(self) -> None:
+        """Close the history with the node."""
+        self.kept.close()
+        super().destroy_node()
 
     def _watch(self, name: str) -> None:
         for message_type, topic, qos, receive, events in (
@@ -80,33 +99,44 @@ class MonitorNode(Node):
             self.create_subscription(
                 message_type, f"{name}/{topic}", partial(receive, name), qos, event_callbacks=events
             )
-        self._fetch[name] = self.create_client(FetchParameters, f"{name}/{topics.FETCH_PARAMETERS}")
+        self._fetch[name] = self.create_client(FetchParameters, f"{name}/{self._service}")
 
     def declare_without(self, departed: Collection[str]) -> None:
         """Declare, once, that the network goes on without those."""
         if set(departed) <= self._declared:
             return
         self._declared.update(departed)
-        members = [name for name in self._taking_part() if name not in self._declared]
-        message = membership_message(self._admission.digest, self._epoch() + 1, members)
+        members = [name for name in self.taking_part() if name not in self._declared]
+        message = membership_message(self._admission.digest, self._epoch() + 1, members, self._key)
         message.stamp = self.get_clock().now().to_msg()
         self._membership_publisher.publish(message)
 
     def _epoch(self) -> int:
         return max((status.epoch for status in self.statuses.values()), default=0)
 
-    def _taking_part(self) -> list[str]:
+    def taking_part(self) -> list[str]:
         """Who follows the newest declaration; all, where there was none."""
         epoch = self._epoch()
         return [name for name in self.names if epoch <= 1 or self._follows(name, epoch)]
 
     def _follows(self, name: str, epoch: int) -> bool:
-        return name not in self._declared and name in self.statuses and self.statuses[name].epoch == epoch
+        follows = name not in self._declared and name in self.statuses and self.statuses[name].epoch == epoch
+        return follows and not self.has_departed(name)
+
+    def has_departed(self, name: str) -> bool:
+        """Has a declaration left it out? Then it says that it has finished, before its time."""
+        status = self.statuses.get(name)
+        if status is None or status.epoch <= 1:
+            return False
+        return bool(status.state == LearnerStatus.FINISHED and status.iteration < self._admission.last)
 
     def _missing(self, name: str) -> list[int]:
         """Iterations before the newest that were not heard of and may still be had."""
-        received = self.parameters[name]
-        return [n for n in range(1, max(received, default=0)) if n not in received and n not in self.lost[name]]
+        received, status = self.parameters[name], self.statuses.get(name)
+        newest = received.newest
+        if status is not None and status.state == LearnerStatus.FINISHED:
+            newest = max(newest, status.iteration)
+        return [n for n in received.gaps(newest) if n not in self.lost[name]]
 
     def _ask_for_gaps(self) -> None:
         """Ask learners for what they published before this node found them, or just before they died."""
@@ -130,7 +160,11 @@ class MonitorNode(Node):
         except RefusedMessageError as error:
             self._drop(f"{topics.PARAMETERS} of {name}", error)
             return
-        self.parameters[name][message.iteration] = parameters
+        try:
+            self.parameters[name][message.iteration] = parameters
+        except CheckpointError as error:  # asked for again, and there may be room by then
+            self._drop(f"{topics.PARAMETERS} of {name}", RefusedMessageError("unsaved", str(error)))
+            return
         self._record(name, topics.PARAMETERS, message, nanoseconds(message.stamp))
 
     def _on_status(self, name: str, message: LearnerStatus) -> None:
@@ -141,7 +175,7 @@ class MonitorNode(Node):
             return
         self.statuses[name] = message
         if message.iteration > 1:
-            self._mixed[name][message.iteration - 1] = list(message.mixed_from)
+            self.kept.note_mixed(name, message.iteration - 1, message.mixed_from)
         self._record(name, topics.STATUS, message, nanoseconds(message.stamp))
 
     def _on_constraints(self, name: str, message: Constraints) -> None:
@@ -174,26 +208,26 @@ class MonitorNode(Node):
         """Has every learner acknowledged its last demonstration?"""
         last = self._experiment.iterations
         return all(
-            name in self.statuses and self.statuses[name].last_demonstration >= last for name in self._taking_part()
+            name in self.statuses and self.statuses[name].last_demonstration >= last for name in self.taking_part()
         )
 
     @property
     def finished(self) -> bool:
         """Has every learner made all updates and closing rounds, and has the result of the last one arrived?"""
         last = self._admission.last
-        names = self._taking_part()
+        names = self.taking_part()
         return all(last in self.parameters[name] and not self._missing(name) for name in names) and all(
             name in self.statuses and self.statuses[name].state == LearnerStatus.FINISHED for name in names
         )
 
     def consensus(self) -> tuple[int, float, float] | None:
         """(n, distance in theta, distance in omega) at the newest iteration known of all learners."""
-        common = set.intersection(*(set(by_iteration) for by_iteration in self.parameters.values()))
+        common = self.kept.newest_common()
         if not common:
             return None
-        newest = [by_iteration[max(common)] for by_iteration in self.parameters.values()]
+        newest = [by_iteration[common] for by_iteration in self.parameters.values()]
         return (
-            max(common),
+            common,
             consensus_distance([parameters.theta for parameters in newest]),
             consensus_distance([parameters.omega for parameters in newest]),
         )
@@ -212,12 +246,8 @@ class MonitorNode(Node):
 
     def delivered(self) -> DeliveredEdges:
         """Whose parameters each learner says it mixed, at the iterations of which all learners' statuses were heard."""
-        heard = set.intersection(*(set(by_iteration) for by_iteration in self._mixed.values()))
-        return {n: [self._mixed[name][n] for name in self.names] for n in sorted(heard)}
+        return self.kept.delivered()
 
     def history(self) -> History:
         """theta(n), omega(n) from n = 1 up to the newest without a gap."""
-        return {
-            name: [by_iteration[n] for n in takewhile(by_iteration.__contains__, count(1))]
-            for name, by_iteration in self.parameters.items()
-        }
+        return self.kept.without_gap()

@@ -39,6 +39,9 @@ RATE, SLOWER_AFTER, DECAY, MOMENTUM = 0.6, 10.0, 0.75, 0.7
 MIN_ACTIVE = 1.0
 """Features that are active, at least: demonstrations may show none of those that only say what is forbidden."""
 
+EXPECTED = 1e-6
+"""Counts that are expected to be less tell nothing: they are rounding."""
+
 ADAGRAD_MOMENTUM, FLOOR = 0.8, 1e-12
 """Of other coordinates; FLOOR keeps a coordinate at rest whose gradient was always 0."""
 
@@ -80,11 +83,39 @@ class AdaptiveSteps(Settings):
         }
         return Parameters(*(moves[name].step for name in Parameters._fields)), remembered
 
+    def reveal(
+        self, state: RuleState, step: Parameters, estimate: GradientEstimate, n: int
+    ) -> tuple[Parameters, RuleState]:
+        """Undo ``step`` where it is of ratios.
+
+        Of a(n), which hangs on how many features were active, the steps tell as well: none is longer than that of a
+        coordinate that was never demonstrated.
+        """
+        names = [name for name in Parameters._fields if getattr(estimate.counts, name)]
+        rises = {name: getattr(step, name) - MOMENTUM * state[f"momentum.{name}"] for name in names}
+        imagined = {name: np.maximum(getattr(estimate.imagined, name), 0.0) for name in names}
+        rate = max((_rate_behind(rises[name], imagined[name], PRIOR[name] / n) for name in names), default=0.0)
+        observed = {
+            name: (imagined[name] + prior) * np.exp(-rises[name] / ((1 - MOMENTUM) * rate)) - prior
+            for name, prior in ((name, PRIOR[name] / n) for name in names)
+            if rate > 0
+        }
+        unknown = {name: np.full_like(getattr(step, name), np.nan) for name in Parameters._fields}
+        remembered = {**state, **{f"momentum.{name}": getattr(step, name) for name in names}}
+        return Parameters(**{**unknown, **observed}), remembered
+
 
 def _ratio_momentum(momentum: Vector, expected: Vector, demonstrated: Vector, prior: float, rate: float) -> Vector:
     """M <- .7 M + .3 a(n) log((e + c/n) / (m + c/n)); rounding may leave an expectation below 0 by some 1e-17."""
     ratio = log((np.maximum(expected, 0.0) + prior) / (demonstrated + prior))
     return np.asarray(MOMENTUM * momentum + (1 - MOMENTUM) * rate * ratio)
+
+
+def _rate_behind(rises: Vector, imagined: Vector, prior: float) -> float:
+    """The least a(n) by which no count that was demonstrated is negative."""
+    expected = imagined > EXPECTED
+    longest = (1 - MOMENTUM) * np.log((imagined[expected] + prior) / prior)
+    return float((rises[expected] / longest).max(initial=0.0))
 
 
 def _adagrad(momentum: Vector, squares: Vector, gradient: Vector) -> _Move:

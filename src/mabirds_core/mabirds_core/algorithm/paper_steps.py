@@ -37,3 +37,11 @@ class PaperSteps(Settings):
         alpha, beta = self.at(n)
         gradient = estimate.gradient
         return Parameters(beta * gradient.theta, alpha * gradient.omega), state
+
+    def reveal(
+        self, state: RuleState, step: Parameters, estimate: GradientEstimate, n: int
+    ) -> tuple[Parameters, RuleState]:
+        """Undo ``step``: what was demonstrated is what was expected, less the step over its rate."""
+        alpha, beta = (rate * estimate.window_fill for rate in self.at(n))
+        theta = estimate.imagined.theta - step.theta / beta
+        return Parameters(theta, estimate.imagined.omega - step.omega / alpha), state

@@ -39,3 +39,30 @@ class StepRule(Protocol):
             What is taken off theta and omega, and what is remembered after it.
         """
         ...
+
+
+class RevealingRule(Protocol):
+    """A rule whose steps tell what was demonstrated, as an audit of privacy shows."""
+
+    def reveal(
+        self, state: RuleState, step: Parameters, estimate: GradientEstimate, n: int
+    ) -> tuple[Parameters, RuleState]:
+        """What somebody learns who sees a step: the inverse of ``StepRule.step``.
+
+        Parameters
+        ----------
+        state : RuleState
+            What the rule remembered before the step.
+        step : Parameters
+            What was taken off theta and omega.
+        estimate : GradientEstimate
+            At theta(n), omega(n); what it says was demonstrated is not looked at.
+        n : int
+            Number of the step, from 1.
+
+        Returns
+        -------
+        tuple[Parameters, RuleState]
+            Means of grad J and mu over the demonstrations, NaN where they cannot be told, and what the rule remembers.
+        """
+        ...

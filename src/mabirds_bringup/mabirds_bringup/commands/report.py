@@ -1,0 +1,73 @@
+"""``mabirds report`` and ``mabirds check``: of any run directory, at any time."""
+
+from collections.abc import Collection
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from mabirds_bringup import exit_codes
+from mabirds_bringup.commands.demonstrations import demonstrations_at_hand, digest_at_hand
+from mabirds_bringup.commands.options import Json
+from mabirds_bringup.console import console, guarded_output, print_json
+from mabirds_bringup.evaluate.results import audit, write_results
+from mabirds_bringup.run.certificate import certify, contradictions
+from mabirds_bringup.run.stored_run import StoredRun, load_run
+from mabirds_core.errors import ExperimentError
+
+RunDirectory = Annotated[Path, typer.Argument(metavar="RUN", help="Run directory, such as runs/latest.")]
+
+
+def report(directory: RunDirectory, as_json: Json = False) -> int:
+    """Make the report of a run from what is there: of one that was interrupted, or that is still under way.
+
+    Example: mabirds report runs/latest
+    """
+    with guarded_output() as stdout:
+        stored = load_run(directory.resolve())
+        before = stored.summary()
+        content = report_on(stored, before.get("wall_seconds", 0.0), before.get("departed", ()))
+        if as_json:
+            print_json(content, stdout)
+    return exit_codes.FINISHED if content["complete"] else exit_codes.INCOMPLETE
+
+
+def report_on(
+    stored: StoredRun, seconds: float, departed: Collection[str] = (), delivered: dict[str, Any] | None = None
+) -> dict[str, Any]:
+    """Judge what is known of a run up to the first gap. ``seconds``: it took. ``delivered``: its audit, if at hand."""
+    with stored.open_history() as kept:
+        certificate, history = certify(stored, kept, departed), kept.without_gap()
+        graph = None if stored.plan.method or not stored.plan.run else kept.delivered()
+    if unknown := [name for name, parameters in history.items() if not parameters]:
+        raise ExperimentError(f"{stored.directory}: nothing is known of {', '.join(unknown)}; go on with --resume")
+    if delivered is None and graph is not None:
+        rounds = stored.experiment.iterations + stored.experiment.closing_rounds
+        delivered = audit(stored.experiment.edge_schedule, graph, rounds)
+    demonstrations = demonstrations_at_hand(stored.experiment, stored.plan.bags)
+    return write_results(stored.experiment, history, demonstrations, stored.directory, seconds, certificate, delivered)
+
+
+def check(directory: RunDirectory, as_json: Json = False) -> int:
+    """Check a run directory: digests, that it is whole, and that its summary is that of its files.
+
+    Example: mabirds check runs/latest
+    """
+    with guarded_output() as stdout:
+        stored = load_run(directory.resolve())
+        summary = stored.summary()
+        with stored.open_history() as kept:
+            certificate = certify(stored, kept, summary.get("departed", ()))
+        wrong = contradictions(summary, certificate) if summary else ["there is no summary.json"]
+        found = digest_at_hand(stored.experiment, stored.file, stored.plan.bags, needed=False)
+        if found and stored.bag_digest and found != stored.bag_digest:
+            wrong.append(f"{stored.experiment.demonstrations.bag}: holds other demonstrations, digest {found}")
+        for words in [*certificate.missing, *wrong]:
+            console.print(f"{stored.directory}: {words}", style="red", soft_wrap=True)
+        sound = not (certificate.missing or wrong)
+        if sound:
+            ends = ", ".join(f"{name} {n}" for name, n in certificate.last_iterations.items())
+            console.print(f"{stored.directory}: whole, and its summary is that of its files; {ends}", soft_wrap=True)
+        if as_json:
+            print_json({"sound": sound, "wrong": wrong, **certificate.content}, stdout)
+    return exit_codes.FINISHED if sound else exit_codes.INCOMPLETE

@@ -1,0 +1,1 @@
+"""What parameters reveal of the demonstrations that they were learned from."""
