@@ -26,7 +26,7 @@ def test_the_reference_solves_the_same(case: SolveCase) -> None:
 @pytest.mark.skipif(find_spec("imitation") is None, reason="the peer is not installed")
 def test_the_peer_solves_the_same() -> None:
     game = TINY.game
-    asked = (game, *of_states(*weights(game)))
+    asked = (game, *of_states(game, *weights(game)))
     peer = peer_solve(*asked)
     assert peer is not None
     for ours, theirs in zip(solve(*asked), peer(), strict=True):
@@ -35,7 +35,7 @@ def test_the_peer_solves_the_same() -> None:
 
 def test_weights_of_states_do_not_look_at_moves() -> None:
     game = TINY.game
-    theta, omega = of_states(*weights(game))
+    theta, omega = of_states(game, *weights(game))
     table = game.reward_features.table(theta) + game.cost_features.table(omega)
     np.testing.assert_allclose(table, table[:, :1] + np.zeros(game.n_actions), rtol=0, atol=1e-12)
 
@@ -54,13 +54,13 @@ def test_targets_are_limits_and_differences() -> None:
     case = SolveCase(3, 2, 5, {"milliseconds": 2.0})
     results = {
         case.name: {"milliseconds": 3.0, "megabytes": 9.0, "reference_difference": 1e-12},
-        "iteration of patrol": {"milliseconds": 3.5},
+        "iteration of ros_ws/config/patrol.yaml": {"milliseconds": 3.5},
     }
     found = {target["name"]: target["met"] for target in targets((case,), results)}
     assert found == {
         f"{case.name}: milliseconds": False,
         f"{case.name}: reference difference": True,
-        "iteration of patrol: milliseconds": False,
+        "iteration of ros_ws/config/patrol.yaml: milliseconds": False,
     }
 
 

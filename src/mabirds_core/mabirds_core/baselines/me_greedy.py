@@ -104,7 +104,20 @@ def violation_probabilities(game: TabularGame, policy: TabularPolicy) -> Vector:
 
 
 def reached_states(game: TabularGame, policy: TabularPolicy) -> Indices:
-    """Joint states that a policy can reach from P_0, at any step, in rising order."""
+    """Joint states that a policy can reach from P_0, at any step.
+
+    Parameters
+    ----------
+    game : TabularGame
+        With P_0.
+    policy : TabularPolicy
+        pi_t(a | s).
+
+    Returns
+    -------
+    Indices
+        In rising order, shape (R,).
+    """
     present = reached = game.initial_distribution > 0
     for step in range(game.horizon):
         states = np.flatnonzero(present)

@@ -81,11 +81,11 @@ class Factors:
         return int(self.n_cells**self.n_experts)
 
     def cells(self, states: Indices) -> Indices:
-        """Each expert's cells in joint states, shape (N_E, *states.shape)."""
+        """Each expert's cells in joint states of any shape, one array each."""
         return digits(states, self.n_cells, self.n_experts)
 
     def moves(self, actions: Indices) -> Indices:
-        """Each expert's moves in joint actions, shape (N_E, *actions.shape)."""
+        """Each expert's moves in joint actions of any shape, one array each."""
         return digits(actions, self.n_moves, self.n_experts)
 
     @cached_property

@@ -1,12 +1,14 @@
 """Games of growing size to be solved, and what is asked of each."""
 
 from dataclasses import dataclass, field
+from typing import cast
 
 import numpy as np
 
 from mabirds_core.arrays import Vector
-from mabirds_core.games.patrol.settings import PatrolSettings
-from mabirds_core.games.patrol.whole_game import WholePatrolGame
+from mabirds_core.experiment.assembly import build_game
+from mabirds_core.experiment.file import Experiment
+from mabirds_core.games.factored import FactoredGame
 
 
 @dataclass(frozen=True)
@@ -42,20 +44,28 @@ class SolveCase:
         return f"{self.n_experts} experts {self.side}x{self.side} T {self.horizon}"
 
     @property
-    def game(self) -> WholePatrolGame:
-        """The game."""
+    def game(self) -> FactoredGame:
+        """The game: the default one, in which experts walk on a map."""
         end = self.side - 1
         corners = [(0, 0), (end, end), (0, end), (end, 0)]
-        settings = PatrolSettings(
-            map="\n".join(["." * self.side] * self.side),
-            starts=(tuple(corners[: self.n_experts]),),
-            goals=(*corners[1 : self.n_experts], corners[0]),
-            horizon=self.horizon,
-        )
-        return WholePatrolGame(settings)
+        settings = {
+            "map": "\n".join(["." * self.side] * self.side),
+            "starts": [corners[: self.n_experts]],
+            "goals": [*corners[1 : self.n_experts], corners[0]],
+            "horizon": self.horizon,
+        }
+        experiment = {
+            "name": "solve",
+            "game": settings,
+            "iterations": 1,
+            "learners": ["one"],
+            "schedule": {"kind": "static"},
+        }
+        bag = {"demonstrations": {"bag": "none", "per_learner": 1}}
+        return cast("FactoredGame", build_game(Experiment.model_validate({**experiment, **bag})))
 
 
-def weights(game: WholePatrolGame) -> tuple[Vector, Vector]:
+def weights(game: FactoredGame) -> tuple[Vector, Vector]:
     """theta and omega of some nats, all features and meetings costing something."""
     rng = np.random.default_rng(1)
     theta = rng.normal(size=len(game.reward_features.names))
@@ -74,7 +84,7 @@ SMALL = (SolveCase(5, 2, 15, {"share_of_reference": 0.5}, reference=True, peer=T
 """Ratios alone, which hold on any machine."""
 
 ITERATIONS = {
-    "discrete": {"milliseconds": 15.0},
-    "patrol": {"milliseconds": 3.0},
+    "ros_ws/config/discrete.yaml": {"milliseconds": 15.0},
+    "ros_ws/config/patrol.yaml": {"milliseconds": 3.0},
 }
-"""Limits on a learner's iteration in the shipped experiments."""
+"""Limits on a learner's iteration in the shipped experiments, which the package has in its folder config."""

@@ -16,7 +16,7 @@ from mabirds_core.arrays import Vector
 from mabirds_core.experiment.assembly import build_game
 from mabirds_core.experiment.file import load_experiment
 from mabirds_core.experiment.simulate import simulate
-from mabirds_core.games.patrol.whole_game import WholePatrolGame
+from mabirds_core.games.factored import FactoredGame
 from mabirds_core.planners.occupancy import ExactOccupancy, discounted_steps, occupancy_measure, pairs_of
 from mabirds_core.planners.soft_bellman import SoftBellmanPlanner, soft_bellman_policy
 from mabirds_core.rewards.models import LinearReward
@@ -39,7 +39,7 @@ def fastest(work: Callable[[], Any], seconds: float = 1.0, most: int = 200) -> f
     return 1e3 * min(times)
 
 
-def solve(game: WholePatrolGame, theta: Vector, omega: Vector) -> tuple[Vector, Vector]:
+def solve(game: FactoredGame, theta: Vector, omega: Vector) -> tuple[Vector, Vector]:
     """What a learner does at an iteration: policy, expectations, totals of the features."""
     model = LinearReward(game.reward_features)
     policy = SoftBellmanPlanner(game, model, game.cost_features).plan(theta, omega)
@@ -47,7 +47,7 @@ def solve(game: WholePatrolGame, theta: Vector, omega: Vector) -> tuple[Vector, 
     return model.gradient(theta, visitation), game.cost_features.total(visitation)
 
 
-def reference(game: WholePatrolGame, theta: Vector, omega: Vector) -> tuple[Vector, Vector]:
+def reference(game: FactoredGame, theta: Vector, omega: Vector) -> tuple[Vector, Vector]:
     """The same by tables of all joint actions."""
     table = game.reward_features.table(theta) + game.cost_features.table(omega)
     occupancy = occupancy_measure(game, soft_bellman_policy(game, table))
@@ -55,7 +55,7 @@ def reference(game: WholePatrolGame, theta: Vector, omega: Vector) -> tuple[Vect
     return game.reward_features.total(visitation), game.cost_features.total(visitation)
 
 
-def bandwidth_limit(game: WholePatrolGame) -> float:
+def bandwidth_limit(game: FactoredGame) -> float:
     """Milliseconds that it takes to copy BYTES a state and step to another place in memory."""
     source = np.ones(COPIED)
     target = np.zeros(COPIED)
@@ -92,16 +92,16 @@ def measure(case: SolveCase) -> dict[str, float]:
         measured["reference_milliseconds"] = fastest(lambda: reference(*asked))
         measured["share_of_reference"] = measured["milliseconds"] / measured["reference_milliseconds"]
     if case.peer:
-        measured |= beside_peer(game, *of_states(*asked[1:]))
+        measured |= beside_peer(game, *of_states(*asked))
     return measured
 
 
-def beside_peer(game: WholePatrolGame, theta: Vector, omega: Vector) -> dict[str, float]:
+def beside_peer(game: FactoredGame, theta: Vector, omega: Vector) -> dict[str, float]:
     """What the peer takes, and how far its results are from ours; nothing where it is not installed.
 
     Parameters
     ----------
-    game : WholePatrolGame
+    game : FactoredGame
         A small one.
     theta : Vector
         As ``peer.of_states`` gives it.
@@ -132,14 +132,14 @@ def iteration(name: str) -> dict[str, float]:
     Parameters
     ----------
     name : str
-        Of the experiment.
+        Of its file, such as "ros_ws/config/discrete.yaml".
 
     Returns
     -------
     dict[str, float]
         Median milliseconds of processor time.
     """
-    file = Path(mabirds_bringup.__file__).parent / "config" / f"{name}.yaml"
+    file = Path(mabirds_bringup.__file__).parent / "config" / Path(name).name
     experiment, times = load_experiment(file), list[float]()
     streams = expert_streams(experiment, build_game(experiment))
     shown = {learner: list(itertools.islice(stream, experiment.iterations)) for learner, stream in streams.items()}

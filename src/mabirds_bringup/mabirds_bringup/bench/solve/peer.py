@@ -11,20 +11,21 @@ from types import SimpleNamespace
 import numpy as np
 
 from mabirds_core.arrays import Array, Vector
+from mabirds_core.games.factored import FactoredGame
 from mabirds_core.games.interface import Visitation
-from mabirds_core.games.patrol.geometry import N_MOVES
-from mabirds_core.games.patrol.whole_game import WholePatrolGame
 from mabirds_core.planners.occupancy import pairs_of
 
 Solved = tuple[Vector, Vector]
 """Expected totals of reward features and of cost features."""
 
 
-def of_states(theta: Vector, omega: Vector) -> tuple[Vector, Vector]:
+def of_states(game: FactoredGame, theta: Vector, omega: Vector) -> tuple[Vector, Vector]:
     """Weights that look at states alone.
 
     Parameters
     ----------
+    game : FactoredGame
+        With the moves.
     theta : Vector
         Of experts, cells and moves.
     omega : Vector
@@ -35,16 +36,17 @@ def of_states(theta: Vector, omega: Vector) -> tuple[Vector, Vector]:
     tuple[Vector, Vector]
         With the first move's weight for all moves, and none for swapping.
     """
-    by_cell = np.repeat(theta.reshape(-1, N_MOVES)[:, :1], N_MOVES, axis=1)
+    n_moves = game.factors.n_moves
+    by_cell = np.repeat(theta.reshape(-1, n_moves)[:, :1], n_moves, axis=1)
     return by_cell.ravel(), np.append(omega[:-1], 0.0)
 
 
-def peer_solve(game: WholePatrolGame, theta: Vector, omega: Vector) -> Callable[[], Solved] | None:
+def peer_solve(game: FactoredGame, theta: Vector, omega: Vector) -> Callable[[], Solved] | None:
     """Prepare the dense game, which is not part of what is timed.
 
     Parameters
     ----------
-    game : WholePatrolGame
+    game : FactoredGame
         S^2 A transitions must fit into memory.
     theta : Vector
         As ``of_states`` gives it.
@@ -78,7 +80,7 @@ def peer_solve(game: WholePatrolGame, theta: Vector, omega: Vector) -> Callable[
     return solved
 
 
-def _dense(game: WholePatrolGame) -> Array:
+def _dense(game: FactoredGame) -> Array:
     """P[s, a, s']."""
     dense = np.zeros((game.n_states, game.n_actions, game.n_states))
     states, actions = np.indices(game.successor.shape)
@@ -86,6 +88,6 @@ def _dense(game: WholePatrolGame) -> Array:
     return dense
 
 
-def _visitation(game: WholePatrolGame, present: Array, policy: Array) -> Visitation:
+def _visitation(game: FactoredGame, present: Array, policy: Array) -> Visitation:
     discounts = game.discount ** np.arange(game.horizon + 1)
     return pairs_of(np.einsum("t,ts,tsa->sa", discounts, present, policy))
