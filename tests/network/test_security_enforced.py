@@ -3,8 +3,10 @@
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from threading import Event, Thread
 from typing import Any
 
 import pytest
@@ -23,10 +25,12 @@ from mabirds_bringup.security.permissions import Validity
 from mabirds_bringup.security.policy import Access, Policy
 from mabirds_bringup.watch.inspector import InspectorNode
 from mabirds_bringup.watch.monitor import MonitorNode
+from mabirds_bringup.watch.player_client import NoPlayerError, PlayerClient
 from mabirds_core.experiment.file import load_experiment
 from mabirds_expert_player.player_node import ExpertPlayerNode
 from mabirds_learner.baseline_node import BaselineNode
 from mabirds_msgs_py.bag_writer import BagWriter
+from mabirds_msgs_py.player_services import PLAYER_SERVICES
 from mabirds_msgs_py.qos import STATUS_QOS
 from mabirds_msgs_py.security import (
     ENABLE,
@@ -82,6 +86,29 @@ def settled_differences(nodes: Any, processes: Sequence[Access]) -> list[str]:
     return found
 
 
+@contextmanager
+def a_client_that_asks(nodes: Any, player: str = "/expert_player") -> Iterator[None]:
+    """Whoever controls the player, after asking for every service of it; what it answers is all the same."""
+    fleet = player.rpartition("/")[0]
+    client, asked = PlayerClient(player, 3.0, context=nodes.context, namespace=fleet), Event()
+
+    def spin() -> None:
+        while not asked.is_set():
+            nodes.executor.spin_once(timeout_sec=0.05)
+
+    spinning = Thread(target=spin)
+    spinning.start()
+    try:
+        for service in PLAYER_SERVICES:
+            with suppress(NoPlayerError):  # a burst waits for learners
+                client.ask(service)
+    finally:
+        asked.set()
+        spinning.join()
+    yield
+    client.destroy_node()
+
+
 @pytest.fixture
 def recording(tmp_path: Path) -> Iterator[BagWriter]:
     with BagWriter(tmp_path / "recording") as writer:
@@ -97,12 +124,13 @@ def test_the_policy_is_what_the_nodes_of_a_network_do(
     experiment = load_experiment(file)
     for name in experiment.learners:
         nodes.learner(file, name)
-    nodes.player(file)
+    nodes.player(file, clock=1.0)
     nodes.add(MonitorNode(experiment, recording, context=nodes.context))
     nodes.add(InspectorNode(context=nodes.context))
     if mixing == "resilient":
         nodes.add(MembershipPublisher(experiment.learners, context=nodes.context))
-    assert settled_differences(nodes, Policy(experiment).processes()) == []
+    with a_client_that_asks(nodes):
+        assert settled_differences(nodes, Policy(experiment).processes()) == []
 
 
 def test_the_policy_of_a_fleet_has_its_namespace(make_experiment: Callable[..., Path], nodes: Any) -> None:
@@ -110,11 +138,12 @@ def test_the_policy_of_a_fleet_has_its_namespace(make_experiment: Callable[..., 
     experiment = load_experiment(file)
     for name in experiment.learners:
         nodes.learner(file, f"depot/{name}")
-    parameters = [Parameter("experiment", value=str(file))]
+    parameters = [Parameter("experiment", value=str(file)), Parameter("clock", value=1.0)]
     nodes.add(ExpertPlayerNode(context=nodes.context, namespace="/depot", parameter_overrides=parameters))
     nodes.add(InspectorNode(context=nodes.context))
     processes = Policy(experiment, "/depot").processes()
-    assert settled_differences(nodes, [one for one in processes if one.node != "monitor"]) == []
+    with a_client_that_asks(nodes, "/depot/expert_player"):
+        assert settled_differences(nodes, [one for one in processes if one.node != "monitor"]) == []
 
 
 def test_the_policy_of_a_central_method_is_what_it_does(
@@ -124,10 +153,11 @@ def test_the_policy_of_a_central_method_is_what_it_does(
     experiment = load_experiment(file)
     parameters = [Parameter("experiment", value=str(file))]
     nodes.add(BaselineNode(context=nodes.context, namespace="/bics", parameter_overrides=parameters))
-    nodes.player(file, baseline="bics")
+    nodes.player(file, baseline="bics", clock=1.0)
     nodes.add(MonitorNode(experiment, recording, names=["bics"], context=nodes.context))
     nodes.add(InspectorNode(context=nodes.context))
-    assert settled_differences(nodes, Policy(experiment, method="bics").processes()) == []
+    with a_client_that_asks(nodes):
+        assert settled_differences(nodes, Policy(experiment, method="bics").processes()) == []
 
 
 SECURED = {ENABLE: "true", STRATEGY: "Enforce"}

@@ -108,7 +108,8 @@ class Policy:
 
     def _baseline(self, method: str) -> Access:
         demonstrations = self._each(self.experiment.learners, topics.DEMONSTRATION)
-        return _access(self._of(method), "baseline", publish=self._published_by(method), subscribe=demonstrations)
+        published = [name for name in self._published_by(method) if name != self._of(method, topics.CONSTRAINTS)]
+        return _access(self._of(method), "baseline", publish=published, subscribe=demonstrations)
 
     def _player(self) -> Access:
         return _access(
