@@ -25,8 +25,9 @@ prepare_environment()
 REPOSITORY = Path(__file__).resolve().parents[1]
 PATROL = REPOSITORY / "ros_ws" / "config" / "patrol.yaml"
 
-# Domains 1 to 101 are safe on Linux. Tests of several processes at once start at different places.
-_domains = (1 + (os.getpid() + number) % 101 for number in itertools.count())
+# Domains 1 to 101 are safe on Linux. Tests of several processes at once have other ones, or start at different places.
+FIRST_DOMAIN, LAST_DOMAIN = map(int, os.environ.get("MABIRDS_TEST_DOMAINS", "1-101").split("-"))
+_domains = (FIRST_DOMAIN + (os.getpid() + number) % (LAST_DOMAIN - FIRST_DOMAIN + 1) for number in itertools.count())
 
 MakeExperiment = Callable[..., Path]
 

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Run tests with every other CPython from 3.11 to 3.13 that is here, by name or among pyenv's: each in a copy of the
-# sources, build/pythonX.Y, with an environment of its own.
+# sources, build/pythonX.Y, with an environment of its own; what they print is in build/pythonX.Y.log.
 # usage: tools/other_pythons.sh PYTHON [PYTEST ARGUMENT ...]    (PYTHON: which has been tested already)
 set -euo pipefail
 if [ $# -eq 0 ]; then
@@ -22,6 +22,19 @@ find_python() {
   return 1
 }
 
+test_with() { # VERSION PYTHON DOMAINS [PYTEST ARGUMENT ...]
+  local copy=build/python$1 python=$2 domains=$3
+  shift 3
+  mkdir -p "$copy"
+  find "$copy" -mindepth 1 -maxdepth 1 ! -name .venv -exec rm -rf {} + # what was deleted must not be tested
+  git ls-files -z --cached --others --exclude-standard | tar --create --null --files-from - | tar --extract -C "$copy"
+  make -C "$copy" setup PYTHON="$python"
+  (cd "$copy" && MABIRDS_TEST_DOMAINS=$domains .venv/bin/python -m pytest "$@")
+}
+
+mkdir -p build
+first=1
+declare -A running
 for version in 3.11 3.12 3.13; do
   [ "$version" != "$tested" ] || continue
   if ! python=$(find_python "$version"); then
@@ -29,10 +42,15 @@ for version in 3.11 3.12 3.13; do
     continue
   fi
   echo "== Python $version: $python"
-  copy=build/python$version
-  mkdir -p "$copy"
-  find "$copy" -mindepth 1 -maxdepth 1 ! -name .venv -exec rm -rf {} + # what was deleted must not be tested
-  git ls-files -z --cached --others --exclude-standard | tar --create --null --files-from - | tar --extract -C "$copy"
-  make -C "$copy" setup PYTHON="$python"
-  (cd "$copy" && .venv/bin/python -m pytest "$@")
+  # All at the same time, each in ROS domains of its own.
+  test_with "$version" "$python" "$first-$((first + 32))" "$@" >"build/python$version.log" 2>&1 &
+  running[$version]=$!
+  first=$((first + 33))
 done
+
+failed=0
+for version in "${!running[@]}"; do
+  wait "${running[$version]}" || failed=1
+  echo "== Python $version" && tail -n 30 "build/python$version.log"
+done
+exit $failed
