@@ -223,8 +223,9 @@ def test_the_digest_is_of_the_game_too() -> None:
     assert drone_experiment({"demonstrations.side": "random"}).digest in digests
 
 
-def test_planners_that_take_no_part_let_drones_fly_as_fast_as_they_can(game: Any) -> None:
+def test_planners_that_take_no_part_let_drones_fly_as_fast_as_they_can() -> None:
     """Their longest move is a step's way, and no learner draws their lattices."""
+    game: Any = drone_game(drone_experiment())
     planners = game.independent_planners(LatticeSettings(kind="lattice", temperature=2.0), game.linear_reward())
     assert len(planners) == 3
     own = game.evaluation_planner(LatticeSettings(kind="lattice"), game.linear_reward())
