@@ -53,18 +53,23 @@ class Comparison:
     touch: Vector | None = None
 
     @classmethod
-    def of(cls, experiment: Experiment, game: Game, streams: Streams, *, optimum: bool) -> "Comparison":
-        """Draw the held-out demonstrations; ``optimum``: find the pooled optimum, and what can be decided.
+    def of(
+        cls, experiment: Experiment, game: Game, streams: Streams, *, optimum: bool, independent: bool = False
+    ) -> "Comparison":
+        """Draw held-out demonstrations, which takes a while where experts search for each: if ``independent``.
+
+        ``optimum``: find the pooled optimum, and what can be decided.
 
         Raises
         ------
         ExperimentError
             The optimum is asked for of a game that cannot be enumerated.
         """
-        held_out = draw_held_out(experiment, game)
+        exact = hasattr(game, "successor")
+        held_out = draw_held_out(experiment, game) if exact or independent else HeldOut(None, None)
         if not optimum:
             return cls(experiment, game, streams, held_out)
-        if not hasattr(game, "successor") or held_out.demonstrations is None:
+        if not exact or held_out.demonstrations is None:
             raise ExperimentError(f"optimum: game {experiment.game.kind}: expected one that can be enumerated")
         from mabirds_bringup.bench.pooled import pooled_optimum  # scipy would count as memory of what was learned
 

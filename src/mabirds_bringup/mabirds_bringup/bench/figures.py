@@ -18,6 +18,7 @@ from mabirds_bringup.bench.frame import LEARNER, array_of, in_order, is_learner,
 from mabirds_bringup.bench.outcome import drawn_streams
 from mabirds_bringup.bench.study import Case, LoadedStudy
 from mabirds_bringup.bench.summary import summarise
+from mabirds_bringup.evaluate.evaluation import learned_constraints
 from mabirds_core.algorithm.memory import stacked
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Mask, Vector
@@ -86,13 +87,13 @@ def game_figure(experiment: Experiment) -> Figure | None:
 
 
 def learned_figure(cases: Mapping[str, Case], results: pl.DataFrame) -> Figure:
-    """The game's picture of what learners and methods ended with, for the first seed."""
+    """The game's picture of what learners and methods ended with, for the first seed; constraints as they are told."""
     of_seed = results.filter(pl.col("seed") == pl.col("seed").first())
     learned = dict[str, Learned]()
     for (label, learner, title), own in of_seed.group_by("label", "learner", "name", maintain_order=True):
         experiment = cases[str(label)].seeded(int(own["seed"][0]))
         game, at = build_game(experiment), Parameters(array_of(own, "theta"), array_of(own, "omega"))
-        constraints = by_threshold(at.omega, experiment.constraint_threshold)
+        constraints = learned_constraints(experiment, str(learner), at, drawn_streams(experiment, game), game).learned
         policy = evaluation_policy(experiment, str(learner), game)(at)
         learned[str(title)] = Learned(policy, at.omega, constraints)
     figure: Figure = game.figure(learned, experiment.constraint_threshold, experiment.seed)

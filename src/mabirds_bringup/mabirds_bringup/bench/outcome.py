@@ -78,12 +78,14 @@ def run_case(case: Case, seed: int) -> list[CaseResult]:
     learned = learn(case, case.seeded(seed))
     judged = {name: _judged(learned, name, case.rollouts) for name in learned.history}
     agreement = [*_agreement(learned, [policy for _, policy in judged.values()], case.rollouts)]
-    compared = Comparison.of(learned.experiment, learned.game, learned.streams, optimum=case.optimum)
+    compared = Comparison.of(
+        learned.experiment, learned.game, learned.streams, optimum=case.optimum, independent=case.independent
+    )
     results = []
     for name, (rates, policy) in judged.items():
         last = learned.history[name][-1]
         measured = compared.measures(name, last, policy, rates)
-        judged_by_others = compared.judged(name, last, case.rollouts)
+        judged_by_others = compared.judged(name, last, case.rollouts) if case.independent else {}
         at_end = entries(len(rates) - 1, **measured, **judged_by_others, **_worst(judged_by_others))
         rows = [*_rows(learned, name, rates), *agreement, *at_end]
         results.append(CaseResult(case.group, case.label, name, seed, rows))
@@ -92,9 +94,9 @@ def run_case(case: Case, seed: int) -> list[CaseResult]:
 
 def _worst(judged: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
     """What the strictest of the other planners says, and by how much their values differ."""
-    success, violation, values = (judged[f"judged_{measure}"].values() for measure in ("success", "violation", "value"))
-    if not success:
+    if not judged.get("judged_success"):
         return {}
+    success, violation, values = (judged[f"judged_{measure}"].values() for measure in ("success", "violation", "value"))
     spread = max(values) - min(values)
     return {"least_judged": min(success), "most_judged_violation": max(violation), "judged_spread": spread}
 

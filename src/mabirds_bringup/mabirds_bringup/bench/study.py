@@ -43,6 +43,8 @@ class Case:
         How many judge the last policies, where the judge takes some; a tenth of them judge the others.
     optimum : bool
         Is it compared with the pooled optimum, and are decidable constraints told?
+    independent : bool
+        Are the final parameters judged by planners that took no part in learning, too?
     """
 
     group: str
@@ -52,6 +54,7 @@ class Case:
     own_policies: bool = False
     rollouts: int | None = None
     optimum: bool = False
+    independent: bool = False
 
     def seeded(self, seed: int) -> Experiment:
         """The experiment with demonstrations and rollouts of their own."""
@@ -77,6 +80,7 @@ class GroupSettings(Settings):
     title: str
     cases: tuple[CaseSettings, ...] = Field(min_length=1)
     own_policies: bool = Field(False, description="judge the policies that learners planned themselves, too")
+    independent: bool = Field(False, description="judge final parameters by planners that took no part, too")
     pictures: tuple[Literal["learned", "thresholds", "rates", "consensus", "effort"], ...] = ("rates",)
     shown: tuple[str, ...] | None = Field(None, description="labels whose learned policies are pictured; none: all")
 
@@ -151,7 +155,14 @@ class LoadedStudy:
                 content = merged(self.experiments[case.experiment].model_dump(mode="json"), case.changes)
                 experiment = checked(content, f"{self.file}: {name}, {case.label}", self.file.parent)
                 yield Case(
-                    name, case.label, experiment, case.method, group.own_policies, self.settings.rollouts, case.optimum
+                    group=name,
+                    label=case.label,
+                    experiment=experiment,
+                    method=case.method,
+                    own_policies=group.own_policies,
+                    rollouts=self.settings.rollouts,
+                    optimum=case.optimum,
+                    independent=group.independent,
                 )
 
 

@@ -13,6 +13,9 @@ from mabirds_core.games.whole_game import Game
 HELD_OUT = 200
 """Demonstrations that experts draw anew, on which likelihoods are taken."""
 
+HELD_OUT_BY_SEARCH = 50
+"""As many of experts who search for each of them, and have no policy."""
+
 
 class HeldOut(NamedTuple):
     """What policies are compared with.
@@ -22,7 +25,7 @@ class HeldOut(NamedTuple):
     experts : Any or None
         Their policy; None where the game's judge cannot follow it.
     demonstrations : Trajectories or None
-        HELD_OUT of them; None where there are no experts, or they find no way: the bag may be somebody else's.
+        HELD_OUT of them, or HELD_OUT_BY_SEARCH; None where there are no experts, or they find no way: the bag may be somebody else's.
     """
 
     experts: Any
@@ -69,7 +72,8 @@ def draw_held_out(experiment: Experiment, game: Game) -> HeldOut:
     if experts is None:
         return HeldOut(None, None)
     rng = np.random.default_rng([drawn.seed, HELD_OUT, experiment.seed])
+    count = HELD_OUT_BY_SEARCH if experts.policy is None else HELD_OUT
     try:
-        return HeldOut(experts.policy, stacked([*experts.demonstrations(HELD_OUT, rng)]))
+        return HeldOut(experts.policy, stacked([*experts.demonstrations(count, rng)]))
     except InfeasibleError:
         return HeldOut(experts.policy, None)
