@@ -25,7 +25,8 @@ class HeldOut(NamedTuple):
     experts : Any or None
         Their policy; None where the game's judge cannot follow it.
     demonstrations : Trajectories or None
-        HELD_OUT of them, or HELD_OUT_BY_SEARCH; None where there are no experts, or they find no way: the bag may be somebody else's.
+        HELD_OUT of them, or HELD_OUT_BY_SEARCH; None where there are no experts, or they find no way: the bag may be
+        somebody else's.
     """
 
     experts: Any
