@@ -97,7 +97,7 @@ def test_patrol_as_processes_equals_the_reference(tmp_path: Path, rate: float, r
     experiment = load_experiment(PATROL)
     order = [*experiment.learners, PLAYER][:: -1 if reverse else 1]
     (tmp_path / "logs").mkdir()
-    history, delivered, _ = Network(experiment, PATROL, tmp_path, {"rate": rate}, order).run()
+    history, delivered, *_ = Network(experiment, PATROL, tmp_path, {"rate": rate}, order).run()
     rounds = experiment.iterations + experiment.closing_rounds
     found = audit(experiment.edge_schedule, delivered, rounds)
     assert found == {"iterations": rounds, "edge_mismatches": [], "connectivity_window": 2}
@@ -115,7 +115,7 @@ def test_drones_as_processes_equal_the_reference(
     file = make_drone_experiment(planner, algorithm, iterations=6, learners=4, schedule=schedule)
     experiment, directory = load_experiment(file), tmp_path / "run"
     (directory / "logs").mkdir(parents=True)
-    history, delivered, _ = Network(experiment, file, directory, {"hz": 50.0}).run()
+    history, delivered, *_ = Network(experiment, file, directory, {"hz": 50.0}).run()
     assert audit(experiment.edge_schedule, delivered, 6) == {
         "iterations": 6,
         "edge_mismatches": [],

@@ -142,11 +142,11 @@ def test_the_nodes_are_those_of_mabirds_run(
     for node, name in zip(learners, names, strict=True):
         command = learner_command(name, file, run="12", checkpoints=str(checkpoints / name))
         assert (node.namespace, node.values) == (namespace(command), parameters(command))
-        assert module_of(node) == "mabirds_learner.learner_node"
+        assert module_of(node) == "mabirds_learner.__main__"
         assert node.respawn
     command = player_command(file, {"run": "12", "bag": "other bag", "rate": 10.0, "hz": 0.0})
     assert (player.namespace, player.values) == (None, parameters(command))
-    assert module_of(player) == "mabirds_expert_player.player_node"
+    assert module_of(player) == "mabirds_expert_player.__main__"
     assert not player.respawn
     assert not any(node.ros_arguments for node in nodes)
 
