@@ -87,7 +87,7 @@ def test_a_player_survives_statuses_of_any_content(nodes: Any, long: Truth, coun
     @given(st.one_of(spoiled(lambda: long.status("learner_1")), made_up(LearnerStatus)))
     def check(status: LearnerStatus) -> None:
         sent_to(player, "/learner_1/status", status)
-        assert player._streams["learner_1"].sent <= 20
+        assert player.playback.streams["learner_1"].sent <= 20
 
     check()
 
