@@ -110,7 +110,7 @@ class Liar:
         self.stream.acknowledge(believed)
         self.arrived |= set(self.stream.missing(self.now, 2.0))
         while self.stream.open:
-            self.arrived.add(self.stream.mark_sent(self.now, self.now))
+            self.arrived.add(self.stream.mark_sent(self.now, self.now, self.now, 0.0))
 
     def tick(self) -> None:
         """The learner learns what has arrived, and says so."""
