@@ -5,13 +5,13 @@ import pytest
 from arenas import arena, random_rollouts
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from slow_lattice import Model, SlowLattice, log_sum_exp
+from slow_lattice import Model, SlowLattice
 
 from mabirds_core.algorithm.gradient import GradientEstimator
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Array, Vector
 from mabirds_core.games.drones.game import DroneGame
-from mabirds_core.games.drones.lattice import LatticePlanner, LatticePolicy, _say_that_it_takes_long
+from mabirds_core.games.drones.lattice import LatticePlanner, LatticePolicy
 from mabirds_core.games.drones.rewards import LinearDroneReward, NeuralDroneReward, TrueDroneReward
 from mabirds_core.games.drones.rollouts import SampledDroneOccupancy, drone_rollouts
 from mabirds_core.games.interface import Trajectories, discounted_visitation
@@ -127,55 +127,24 @@ def test_rollouts_do_what_the_analytic_occupancy_says(drones: int) -> None:
 
 @every_size
 @pytest.mark.usefixtures("kernels")
-@settings(deadline=None, max_examples=30, derandomize=True)
-@given(
-    seed=st.integers(0, 1000),
-    scale=st.sampled_from([0.1, 1.0, 10.0, 100.0]),
-    closeness=st.sampled_from([0.1, 1.0, 10.0, 300.0]),
-    number=st.integers(0, 3),
-)
+@settings(deadline=None, max_examples=15, derandomize=True)
+@given(seed=st.integers(0, 1000), scale=st.sampled_from([0.1, 1.0, 10.0]), number=st.integers(0, 3))
 def test_the_value_is_what_every_flight_earns_less_what_it_chose(
-    drones: int, seed: int, scale: float, closeness: float, number: int
+    drones: int, seed: int, scale: float, number: int
 ) -> None:
     """The certificate, over random theta and omega, on every lattice: at most .1 nat.
 
-    Closeness may cost or earn hundreds of nats a step, so that drones do what neither would do alone but with a chance
-    of exp(-1000).
+    Closeness may cost hundreds of nats a step. It may not earn more than some: what drones do because of each other
+    must be something that each might do alone, if only with a probability of exp(-80).
     """
     model = LinearDroneReward(arena(drones, {"horizon": 8}))
     planner, at = LatticePlanner(model.game, model, 0.15, 1.0, rotations=4), some_parameters(model, scale, seed)
     if drones == 2:
-        at.omega[-4:-2] *= closeness / scale
+        closeness = at.omega[-4:-2]
+        closeness[:] = np.minimum(20 * closeness, 3.0)
     policy = planner.plan(*at, rng=np.random.default_rng(number))
     flights = drone_rollouts(model.game, policy, 30, np.random.default_rng(seed))
     assert np.abs(policy.residuals(flights)).max() <= (0.1 if drones == 2 else 1e-8)
-
-
-@pytest.mark.parametrize(("closeness", "deep"), [(-200.0, False), (0.1, False), (40.0, True)])
-def test_what_float32_cannot_hold_is_planned_in_float64(closeness: float, deep: bool) -> None:
-    """Drones that are paid for being close give up what each of them is after. Values against all joint moves."""
-    model = LinearDroneReward(tiny(2))
-    at = some_parameters(model, 30.0 if deep else 1.0)
-    at.omega[-4:-2] = closeness
-    slow, policy = slow_and_fast(model, at)
-    assert [table.unit == 1.0 for table in policy.tables] == [deep] * model.game.horizon
-    states = model.game.starts(5, np.random.default_rng(0))
-    for state, value in zip(states, policy.values(0, states), strict=True):
-        assert value == pytest.approx(log_sum_exp(slow.q(0, slow.ahead(state))), abs=0.01)
-
-
-def test_planning_in_float64_is_said_once(caplog: pytest.LogCaptureFixture) -> None:
-    _say_that_it_takes_long.cache_clear()
-    model = LinearDroneReward(arena(2, {"horizon": 8}))
-    at = some_parameters(model)
-    at.omega[-4:-2] = 40.0
-    planner = LatticePlanner(model.game, model, 0.2, 1.0)
-    first = planner.plan(*at)
-    values = first.values(0, states := model.game.starts(5, np.random.default_rng(0)))
-    np.testing.assert_array_equal(planner.plan(*at, first).values(0, states), values)
-    assert [record.message.split(":")[0] for record in caplog.records] == [
-        "because of each other, drones are to do what is too unlikely for one of them alone"
-    ]
 
 
 def test_the_certificate_fails_for_values_of_other_parameters() -> None:

@@ -7,8 +7,7 @@ P are Markov kernels: what one drone's places are worth, thousands of nats, has 
 what is left, from its largest value to 160 nats below. Two drones that get there are as good as forbidden to.
 
 C_t is kept for the nodes that the drones can have reached, in 16 bits, from its largest value down in steps of
-``DEPTH`` / 65535 nats: the policy is that of values which are off by half a step, .0012 nats, at most. Where what
-drones do because of each other lies deeper than that, ``deep_coupling`` takes its time.
+``DEPTH`` / 65535 nats: the policy is that of values which are off by half a step, .0012 nats, at most.
 """
 
 import ctypes
@@ -58,44 +57,22 @@ class Kernel(NamedTuple):
     chances: Float
 
 
-class LogKernel(NamedTuple):
-    """The same before it is rounded.
-
-    Attributes
-    ----------
-    nodes : NDArray[np.int32]
-        Shape (n_t, A).
-    logs : Array
-        log P^i_t, shape (n_t, A); -inf where there is no such move.
-    """
-
-    nodes: NDArray[np.int32]
-    logs: Array
-
-    def rounded(self) -> Kernel:
-        """In float32, where chances below exp(-103) are none."""
-        return Kernel(self.nodes, np.exp(self.logs).astype(np.float32))
-
-
 class Table(NamedTuple):
     """C_t.
 
     Attributes
     ----------
-    codes : Codes or Float
+    codes : Codes
         Steps below ``top``, a row for each node of drone 1, or of drone 2 where ``swapped``.
     top : float
         The largest value [nats].
     swapped : bool
         Which drone has the rows: it changes from step to step.
-    unit : float
-        What a step is [nats].
     """
 
-    codes: Codes | Float
+    codes: Codes
     top: float
     swapped: bool
-    unit: float = DEPTH / LEVELS
 
     def values(self, first: Indices, second: Indices) -> Array:
         """C_t.
@@ -113,7 +90,7 @@ class Table(NamedTuple):
             In nats, of the shape of both.
         """
         rows, columns = (second, first) if self.swapped else (first, second)
-        return np.asarray(self.top - self.codes[rows, columns] * self.unit)
+        return np.asarray(self.top - self.codes[rows, columns] * (DEPTH / LEVELS))
 
 
 @dataclass(frozen=True)
@@ -122,8 +99,8 @@ class PairProblem:
 
     Attributes
     ----------
-    log_kernel : Callable[[int, int], LogKernel]
-        log P^i_t by i (0 or 1) and t.
+    kernel : Callable[[int, int], Kernel]
+        P^i_t by i (0 or 1) and t.
     sizes : Indices
         n_t of both drones for t = 1 .. T + 1, shape (2, T + 1).
     rewards : Float
@@ -134,7 +111,7 @@ class PairProblem:
         gamma.
     """
 
-    log_kernel: Callable[[int, int], LogKernel]
+    kernel: Callable[[int, int], Kernel]
     sizes: Indices
     rewards: Float
     turned: Float
@@ -168,7 +145,7 @@ def couple(problem: PairProblem, memory: Codes) -> list[Table]:
         first, second = (int(sizes[step - 1]) for sizes in problem.sizes)
         shape = (second, first) if swapped else (first, second)
         codes = memory[end : (end := end + first * second)].reshape(shape)
-        rows, columns = (problem.log_kernel(i, step).rounded() for i in ((0, 1) if swapped else (1, 0)))
+        rows, columns = (problem.kernel(i, step) for i in ((0, 1) if swapped else (1, 0)))
         top = backup.step(rows, columns, problem.rewards if not swapped else problem.turned, codes)
         tables.append(Table(codes, top, swapped))
     return tables[::-1]

@@ -13,41 +13,27 @@ so this game is solved exactly: along every flight, however likely,
 (``LatticePolicy.residuals`` is by how much it is missed). Rewards are sums of terms of one drone and of a pair, and
 drones move independently of one another; hence they are solved for one by one, and ``coupling`` has what is left.
 
-C is kept by ``coupling`` where float32 is enough for it, and by ``deep_coupling`` where flights show that it is not.
-
 A lattice has corners that no other has, and what is learned on one grid alone belongs to it. So every plan takes one of
 several lattices, which are rotated and shifted against each other.
 """
 
-import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from mabirds_core.arrays import Array, Indices, Vector
 from mabirds_core.games.drones.coupling import Codes, PairProblem, Table, couple, padded
-from mabirds_core.games.drones.deep_coupling import couple_deeply, deep_codes
 from mabirds_core.games.drones.drone_nodes import DroneNodes, Rewards, pair_rewards
 from mabirds_core.games.drones.features import total_reward
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.lone_drone import LoneDrone, log_shares, log_sum_exp
 from mabirds_core.games.drones.nodes import NodeLattice, Shape
 from mabirds_core.games.drones.rewards import DroneRewardModel
-from mabirds_core.games.drones.rollouts import drone_rollouts
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.planners.interface import Policy
-
-CERTIFIED = 16
-"""Flights along which a plan is checked, always the same ones."""
-
-MOST_NATS = 0.1
-"""Of the certificate of a plan."""
-
-MOST_DEPTH = 60.0
-"""Of sums along flights, below the largest one that there may be [nats]; float32 is right down to 80."""
 
 
 class Choices(NamedTuple):
@@ -196,26 +182,6 @@ class LatticePolicy:
             result -= game.discount**step * (earned / self.temperature - ratios)
         return result
 
-    def is_sound(self) -> bool:
-        """Were float32 and 16 bits enough for what drones cost each other?
-
-        A flight hardly ever comes to where the pair is worth less than before by tens of nats. So a few flights show
-        how deep all others go, and their certificate whether values that were raised to what can be kept draw them
-        there.
-        """
-        flights = drone_rollouts(self.game, self, CERTIFIED, np.random.default_rng(0))
-        certified = np.abs(self.residuals(flights)).max() <= MOST_NATS
-        return bool(certified and self._depth(flights.states) <= MOST_DEPTH)
-
-    def _depth(self, states: Array) -> float:
-        """Most by which log( P^1_t exp(gamma C_{t+1}) (P^2_t)^T ) of states (m, T + 1, N_E D) is below its bound."""
-        tops = [*(self.game.discount * table.top for table in self.tables[1:]), 0.0]
-        depths = [0.0]
-        for step, (table, top) in enumerate(zip(self.tables, tops, strict=bool(self.tables)), start=1):
-            here = states[:, step]
-            depths.extend(top + self._here(here) - table.values(*self._nodes(here)))
-        return float(max(depths))
-
     def _nodes(self, states: Array) -> list[Indices]:
         """The nodes where the drones of joint states are; the nearest ones for places between nodes."""
         places = self.game.positions(states)
@@ -299,20 +265,16 @@ class LatticePlanner:
         if len(drones) == 1:
             return LatticePolicy(self.game, rewards, self.temperature, drones, [], memory)
         problem = self._pair_problem(drones, rewards)
-        memory = _of_size(memory, problem.codes)
-        policy = LatticePolicy(self.game, rewards, self.temperature, drones, couple(problem, memory), memory)
-        if policy.is_sound():
-            return policy
-        _say_that_it_takes_long()
-        memory = _of_size(policy.release(), deep_codes(problem))
-        return LatticePolicy(self.game, rewards, self.temperature, drones, couple_deeply(problem, memory), memory)
+        if len(memory) < problem.codes:
+            memory = np.empty(problem.codes, np.uint16)
+        return LatticePolicy(self.game, rewards, self.temperature, drones, couple(problem, memory), memory)
 
     def _pair_problem(self, drones: list[LoneDrone], rewards: Rewards) -> PairProblem:
         """What decides C_t of two drones."""
         first, second = (drone.nodes for drone in drones)
         scaled = tuple((of, weights / self.temperature) for of, weights in rewards)
         return PairProblem(
-            lambda i, step: drones[i].log_kernel(step),
+            lambda i, step: drones[i].kernel(step),
             np.stack([first.reached, second.reached]),
             pair_rewards(first, second, scaled, padded(second.size) - second.size),
             pair_rewards(second, first, scaled, padded(first.size) - first.size),
@@ -325,17 +287,3 @@ class LatticePlanner:
 
     def load_state_dict(self, memory: Mapping[str, Array]) -> None:
         """No policy: the planner needs none to start from."""
-
-
-def _of_size(memory: Codes, size: int) -> Codes:
-    """The memory, or other one where it is too short."""
-    return memory if len(memory) >= size else np.empty(size, np.uint16)
-
-
-@cache
-def _say_that_it_takes_long() -> None:
-    """Once a process."""
-    logging.getLogger(__name__).warning(
-        "because of each other, drones are to do what is too unlikely for one of them alone: planned in float64, which"
-        " takes some twenty times as long and twice the memory; a higher algorithm.policy.temperature would spare it"
-    )

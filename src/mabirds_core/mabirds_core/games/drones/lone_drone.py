@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mabirds_core.arrays import Array, Vector
-from mabirds_core.games.drones.coupling import LogKernel
+from mabirds_core.games.drones.coupling import Kernel
 from mabirds_core.games.drones.drone_nodes import DroneNodes, Rewards
 
 
@@ -48,12 +48,13 @@ class LoneDrone:
             values[step] = log_sum_exp(scores + game.discount * values[step + 1][moves.nodes])
         return cls(nodes, scores, values)
 
-    def log_kernel(self, step: int) -> LogKernel:
-        """log P^i_t between the nodes that can have been reached."""
+    def kernel(self, step: int) -> Kernel:
+        """P^i_t between the nodes that can have been reached."""
         count = self.nodes.reached[step - 1]
         moves = np.maximum(self.nodes.moves.nodes[:count], 0)
         backup = self.nodes.game.discount * self.values[step + 1][moves]
-        return LogKernel(moves.astype(np.int32), self.scores[:count] + backup - self.values[step][:count, None])
+        chances = np.exp(self.scores[:count] + backup - self.values[step][:count, None])
+        return Kernel(moves.astype(np.int32), chances.astype(np.float32))
 
 
 def log_shares(shares: Array) -> Array:
