@@ -50,7 +50,7 @@ class Replay:
         Replay
             With them.
         """
-        return Replay(_newest(_joined(self.rollouts, new), capacity), self.demonstrations)
+        return Replay(_newest(joined(self.rollouts, new), capacity), self.demonstrations)
 
     def with_demonstrations(self, observed: Trajectories | None, capacity: int) -> "Replay":
         """Add demonstrations that the replay lacks: a learner's window shows each of them many times.
@@ -74,7 +74,7 @@ class Replay:
             fresh[number] = key not in keys
             keys.add(key)
         new = Trajectories(observed.states[fresh], observed.actions[fresh])
-        return Replay(self.rollouts, _newest(_joined(self.demonstrations, new), capacity))
+        return Replay(self.rollouts, _newest(joined(self.demonstrations, new), capacity))
 
     def draws(self, steps: int, batch: int, share: float, rng: np.random.Generator) -> Indices:
         """Draw transitions to learn from.
@@ -105,11 +105,12 @@ class Replay:
     @property
     def transitions(self) -> tuple[Array, Array]:
         """States (M, N_E D) and actions (M, 2 N_E), those of rollouts first; row k is of step k mod T + 1."""
-        states, actions = _joined(self.rollouts, self.demonstrations)
+        states, actions = joined(self.rollouts, self.demonstrations)
         return states.reshape(-1, states.shape[-1]), actions.reshape(-1, actions.shape[-1])
 
 
-def _joined(first: Trajectories, second: Trajectories) -> Trajectories:
+def joined(first: Trajectories, second: Trajectories) -> Trajectories:
+    """Both, the second last."""
     states, actions = (np.concatenate(parts) for parts in zip(first, second, strict=True))
     return Trajectories(states, actions)
 
