@@ -155,29 +155,27 @@ class SacPolicy:
         if self.problem is None:
             return None
         rng = np.random.default_rng([seed, flights])
-        starts = self.networks.game.starts(flights, rng)
-        promised = (
-            self._promised(starts, rng) if self.problem.guide is None else self.problem.guide.start_values(starts)
-        )
-        return float((promised - self._soft_returns(starts, rng)).mean())
+        starts, guide = self.networks.game.starts(flights, rng), self.problem.guide
+        promised = self._promised(self.problem, starts, rng) if guide is None else guide.start_values(starts)
+        return float((promised - self._soft_returns(self.problem, starts, rng)).mean())
 
-    def _soft_returns(self, states: Array, rng: np.random.Generator) -> Vector:
+    def _soft_returns(self, problem: Problem, states: Array, rng: np.random.Generator) -> Vector:
         """sum_t gamma^t ( r_t / tau - log pi_t ) of one flight from each joint state."""
-        game, problem, result = self.networks.game, self.problem, np.zeros(len(states))
+        game, result = self.networks.game, np.zeros(len(states))
         for step in range(game.horizon + 1):
             actions, log_pi = self.drawn(step, states, rng)
             result += game.discount**step * (problem.reward(states, actions) / problem.temperature - log_pi)
             states = game.step(states, actions)
         return result
 
-    def _promised(self, states: Array, rng: np.random.Generator) -> Vector:
-        """r(s, 0) + min_k Q_k(0, s, a) - tau log pi_0(a|s), in units of tau, for an action drawn in each joint state."""
+    def _promised(self, problem: Problem, states: Array, rng: np.random.Generator) -> Vector:
+        """( r(s, 0) + min_k Q_k(0, s, a) ) / tau - log pi_0(a|s) for an action drawn in each joint state."""
         actions, log_pi = self.drawn(0, states, rng)
         at, chosen = (torch.tensor(values, dtype=torch.float32) for values in (states, actions))
         with torch.no_grad():
-            q = self.problem.q(self.networks, self.learned.critics.weights, at, torch.zeros(len(at)), chosen)
-        idle = self.problem.reward(states, np.zeros_like(actions))
-        return (idle + q.double().numpy()) / self.problem.temperature - log_pi
+            q = problem.q(self.networks, self.learned.critics.weights, at, torch.zeros(len(at)), chosen)
+        idle = problem.reward(states, np.zeros_like(actions))
+        return np.asarray((idle + q.double().numpy()) / problem.temperature - log_pi)
 
 
 @contextmanager

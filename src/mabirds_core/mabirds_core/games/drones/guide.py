@@ -122,7 +122,7 @@ class Guide:
         free = values[times[:, None, None] * idle.numel() + where]
         home = ((places - self._regions.goals[drone]) ** 2).sum(-1) <= self._regions.goal_radii[drone] ** 2
         around = torch.where(home[:, None, None], self._left[times][:, None, None] * idle[where], free)
-        return ((around * weights[1][:, None, :]).sum(-1) * weights[0]).sum(-1)
+        return torch.einsum("mij,mi,mj->m", around, *weights)
 
     def _coupling(self, times: Tensor, places: Tensor) -> Tensor:
         """C_t, shape (M,)."""

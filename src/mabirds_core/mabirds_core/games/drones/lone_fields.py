@@ -2,14 +2,15 @@
 
     V_t(s) = log int mu(da) exp( r(s, a) + gamma V_{t+1}(s') ),     V_{T+1} = 0,     mu uniform in the disc
 
-in units of tau. Unlike a lattice's, these are values of the game with continuous actions: a lattice gives to moves of full
-length what mu says of the whole cell around them, and its V_0 is nats too high. Values are kept on a grid over the
-arena and interpolated by cubics; in the goal region, where a drone stays for ever, V_t = (1 + gamma + ...) r(s, 0).
+in units of tau. Unlike those of ``lattice``, these are values of the game with continuous actions: a lattice gives to
+moves of full length what mu says of the whole cell around them, and its V_0 is nats too high. They are kept on a grid
+over the arena and interpolated by cubics; in goal regions, where drones stay for ever, V_t = (1 + gamma + ..) r(s, 0).
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -152,7 +153,8 @@ class LoneField:
         """
         x, y = (taps(axis, places[:, i]) for i, axis in enumerate(self.grid.axes))
         free, stays = (((x @ table) * y).sum(axis=1) for table in (self.values[step], self.idle))
-        return np.where(self.grid.arrived(places), steps_left(self.grid.game)[step] * stays, free)
+        home = self.grid.arrived(places)
+        return np.asarray(np.where(home, steps_left(self.grid.game)[step] * stays, free))
 
 
 def steps_left(game: DroneGame) -> Vector:
@@ -182,7 +184,7 @@ def taps(axis: Vector, at: Vector) -> Array:
     return result
 
 
-def cubic(way: Array) -> list[Array]:
+def cubic(way: Any) -> list[Any]:
     """Weights of the points at -1, 0, 1 and 2 for the cubic through them, at ``way``; for numpy and torch alike."""
     return [
         -way * (way - 1) * (way - 2) / 6,

@@ -59,7 +59,7 @@ class Mixture(NamedTuple):
             M of them.
         """
         by_mode = output.view(len(output), modes, -1)
-        weights, rest = by_mode[..., 0], by_mode[..., 1:].unflatten(2, (-1, NUMBERS))
+        weights, rest = by_mode[..., 0], by_mode[..., 1:].reshape(len(output), modes, -1, NUMBERS)
         low, high = LOG_DEVIATIONS
         diagonals = low + (high - low) * (rest[..., 2:4] + 1).sigmoid()
         return cls(weights.log_softmax(1), rest[..., :2], diagonals, rest[..., 4])

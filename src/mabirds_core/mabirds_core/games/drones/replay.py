@@ -76,8 +76,8 @@ class Replay:
         new = Trajectories(observed.states[fresh], observed.actions[fresh])
         return Replay(self.rollouts, _newest(joined(self.demonstrations, new), capacity))
 
-    def draws(self, steps: int, batch: int, share: float, rng: np.random.Generator) -> Indices:
-        """Draw transitions to learn from.
+    def draws(self, steps: int, batch: int, share: float, discount: float, rng: np.random.Generator) -> Indices:
+        """Draw transitions to learn from, of step t as often as gamma^t says: what is lost there counts as much.
 
         Parameters
         ----------
@@ -87,6 +87,8 @@ class Replay:
             Transitions per step.
         share : float
             Of a batch that is demonstrated, in [0, 1].
+        discount : float
+            gamma.
         rng : np.random.Generator
             Of the draw.
 
@@ -95,12 +97,23 @@ class Replay:
         Indices
             Rows of ``transitions``, shape (steps, batch).
         """
-        length = self.rollouts.states.shape[1]
-        rolled, shown = (len(part.states) * length for part in (self.rollouts, self.demonstrations))
+        rolled, shown, length = (
+            len(self.rollouts.states),
+            len(self.demonstrations.states),
+            self.rollouts.states.shape[1],
+        )
         of_experts = round(share * batch) if shown else 0
-        rolled_out = rng.integers(rolled, size=(steps, batch - of_experts))
-        demonstrated = rng.integers(rolled, rolled + max(shown, 1), size=(steps, of_experts))
-        return np.concatenate([rolled_out, demonstrated], axis=1)
+        flights = np.concatenate(
+            [
+                rng.integers(rolled, size=(steps, batch - of_experts)),
+                rng.integers(rolled, rolled + max(shown, 1), size=(steps, of_experts)),
+            ],
+            axis=1,
+        )
+        length = self.rollouts.states.shape[1]
+        cumulative = (discount ** np.arange(length)).cumsum()
+        times = np.searchsorted(cumulative, cumulative[-1] * rng.random(flights.shape), side="right")
+        return flights * length + np.minimum(times, length - 1)
 
     @property
     def transitions(self) -> tuple[Array, Array]:

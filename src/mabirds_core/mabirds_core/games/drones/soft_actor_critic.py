@@ -21,6 +21,7 @@ the soft Bellman policy of the reward divided by tau.
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple, TypeGuard
 
 import numpy as np
@@ -57,6 +58,17 @@ HOLD = 8
 
 MOST_GRADIENT = 20.0
 """The actor's gradient is cut to this length [nats]."""
+
+
+QUICK, SETTLED = 10.0, 0.05
+"""A guide is right from the start: an actor that follows one learns so much quicker, and settles in every search."""
+
+
+class Rates(NamedTuple):
+    """Learning rates of a gradient step."""
+
+    critics: float
+    actor: float
 
 
 class Minibatch(NamedTuple):
@@ -181,8 +193,10 @@ class SacPlanner:
         rate = self.learning_rate / np.sqrt(1 + start.searches / PATIENCE)
         networks = Networks(self.game, self.hidden, self.device)
         learned = start.learned.on(self.device)
-        for batch in self._batches(problem, replay, self.steps if start.searches else self.first_steps, rng):
-            learned = self._step(networks, problem, learned, batch, rate)
+        steps = self.steps if start.searches else self.first_steps
+        for step, batch in enumerate(self._batches(problem, replay, steps, rng)):
+            actors = rate if problem.guide is None else self.learning_rate * QUICK * fall(step / steps)
+            learned = self._step(networks, problem, learned, batch, Rates(rate, actors))
         return learned.on("cpu")
 
     def _batches(self, problem: Problem, replay: Replay, steps: int, rng: np.random.Generator) -> Iterator[Minibatch]:
@@ -190,7 +204,7 @@ class SacPlanner:
         states, actions = replay.transitions
         idle, rewards = (problem.reward(states, chosen) for chosen in (np.zeros_like(actions), actions))
         times = np.arange(len(states)) % (self.game.horizon + 1)
-        drawn = torch.from_numpy(replay.draws(steps, self.batch, SHOWN, rng)).to(self.device)
+        drawn = torch.from_numpy(replay.draws(steps, self.batch, SHOWN, self.game.discount, rng)).to(self.device)
         noise = rng.standard_normal((steps, self.batch, 2, MODES, self.game.action_size), dtype=np.float32)
         uniform = rng.random((steps, self.batch), dtype=np.float32)
         columns = (states, actions, np.roll(states, -1, axis=0), rewards - idle, np.roll(idle, -1), times)
@@ -198,19 +212,17 @@ class SacPlanner:
         return map(Minibatch, *rows, *(torch.tensor(values, device=self.device) for values in (noise, uniform)))
 
     def _step(
-        self, networks: Networks, problem: Problem, learned: ActorCritic, batch: Minibatch, rate: float
+        self, networks: Networks, problem: Problem, learned: ActorCritic, batch: Minibatch, rates: Rates
     ) -> ActorCritic:
         """One step of the critics, then one of the actor, then the targets follow."""
         actor, critics, targets = learned
         wanted = self._wanted(networks, problem, learned, batch)
-        critics = critics.descend(
-            gradient(lambda weights: self._critic_loss(networks, weights, batch, wanted), critics.weights), rate
-        )
-        slope = gradient(
-            lambda weights: self._actor_loss(networks, problem, weights, critics.weights, batch), actor.weights
-        )
+        error = partial(self._critic_loss, networks, batch=batch, wanted=wanted)
+        critics = critics.descend(gradient(error, critics.weights), rates.critics)
+        loss = partial(self._actor_loss, networks, problem, critics=critics.weights, batch=batch)
+        slope = gradient(loss, actor.weights)
         slope *= (MOST_GRADIENT * self.temperature / slope.norm()).clamp(max=1.0)
-        return ActorCritic(actor.descend(slope, rate), critics, targets.lerp(critics.weights, SMOOTHING))
+        return ActorCritic(actor.descend(slope, rates.actor), critics, targets.lerp(critics.weights, SMOOTHING))
 
     @torch.no_grad()
     def _wanted(self, networks: Networks, problem: Problem, learned: ActorCritic, batch: Minibatch) -> Tensor:
@@ -245,6 +257,11 @@ class SacPlanner:
     def load_state_dict(self, memory: Mapping[str, Array]) -> SacPolicy:
         """The policy that was remembered."""
         return recalled(self.game, self.hidden, memory)
+
+
+def fall(progress: float) -> float:
+    """What is left of an actor's learning rate after a share of a search: all of it for the first half, then less."""
+    return min(1.0, SETTLED + (1 - SETTLED) * 2 * (1 - progress))
 
 
 def gradient(loss: Callable[[Tensor], Tensor], weights: Tensor) -> Tensor:
