@@ -36,7 +36,27 @@ def remembered(policy: SacPolicy) -> dict[str, Array]:
 
 
 def recalled(game: DroneGame, hidden: int, memory: Mapping[str, Array]) -> SacPolicy:
-    """The policy that was remembered."""
+    """The policy that was remembered.
+
+    Parameters
+    ----------
+    game : DroneGame
+        Of the drones.
+    hidden : int
+        Units of each hidden layer.
+    memory : Mapping[str, Array]
+        What ``remembered`` gave.
+
+    Returns
+    -------
+    SacPolicy
+        Without the problem that it was found for.
+
+    Raises
+    ------
+    CheckpointError
+        The memory does not fit.
+    """
     networks = Networks(game, hidden)
     searches, *counts = _numbers(memory, "counts", (3,)).tolist()
     if not all(count >= 0 and count == int(count) for count in (searches, *counts)):

@@ -260,7 +260,20 @@ class Networks:
         return self.critic(critics, inputs)[..., 0]
 
     def after(self, states: Tensor, actions: Tensor) -> Tensor:
-        """s' of joint states (M, N_E D) and actions (M, 2 N_E), shape (M, N_E D)."""
+        """s' of s and a.
+
+        Parameters
+        ----------
+        states : Tensor
+            Shape (M, N_E D).
+        actions : Tensor
+            Shape (M, 2 N_E).
+
+        Returns
+        -------
+        Tensor
+            Shape (M, N_E D).
+        """
         drones, controls = (values.view(len(values), self.game.n_experts, -1) for values in (states, actions))
         return torch.as_tensor(self.dynamics.step(drones, controls)).flatten(1)
 

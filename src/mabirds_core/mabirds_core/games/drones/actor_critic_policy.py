@@ -55,12 +55,40 @@ class Problem:
     guide: Guide | None
 
     def reward(self, states: Array, actions: Array) -> Vector:
-        """r(s, a), shape (M,)."""
+        """r(s, a).
+
+        Parameters
+        ----------
+        states : Array
+            Shape (M, N_E D).
+        actions : Array
+            Shape (M, 2 N_E).
+
+        Returns
+        -------
+        Vector
+            Shape (M,).
+        """
         terms = (total_reward(self.game.space, of, weights, states, actions) for of, weights in self.rewards)
         return np.asarray(sum(terms, np.zeros(len(states))))
 
     def worth(self, times: Tensor, actions: Tensor, successors: Tensor) -> Tensor:
-        """What the guide says of Q - r(s, 0), in rewards, shape (M,); zeros without one."""
+        """What the guide says of Q - r(s, 0).
+
+        Parameters
+        ----------
+        times : Tensor
+            t, shape (M,).
+        actions : Tensor
+            Shape (M, 2 N_E).
+        successors : Tensor
+            s', shape (M, N_E D).
+
+        Returns
+        -------
+        Tensor
+            In rewards, shape (M,); zeros without a guide.
+        """
         if self.guide is None:
             return times.new_zeros(len(times))
         return self.temperature * self.guide.worth(times.long(), actions, successors)

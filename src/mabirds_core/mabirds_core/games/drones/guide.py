@@ -56,7 +56,20 @@ class Guide:
         return self.lattice.game
 
     def flights(self, count: int, rng: np.random.Generator) -> Trajectories:
-        """Flights of the lattice's policy from P_0."""
+        """Follow the lattice's policy.
+
+        Parameters
+        ----------
+        count : int
+            How many times.
+        rng : np.random.Generator
+            Of starts and moves.
+
+        Returns
+        -------
+        Trajectories
+            From P_0.
+        """
         return drone_rollouts(self.game, self.lattice, count, rng)
 
     def start_values(self, states: Array) -> Vector:
@@ -117,12 +130,12 @@ class Guide:
             below = way.detach().floor().clamp(1, counts[side] - 3)
             weights.append(torch.stack(cubic(way - below), dim=-1))
             at.append(below.long()[:, None] + self._taps)
-        where = at[0][:, :, None] * counts[1] + at[1][:, None, :]
+        where: Tensor = at[0][:, :, None] * counts[1] + at[1][:, None, :]
         idle, values = self._tables[drone]
         free = values[times[:, None, None] * idle.numel() + where]
         home = ((places - self._regions.goals[drone]) ** 2).sum(-1) <= self._regions.goal_radii[drone] ** 2
-        around = torch.where(home[:, None, None], self._left[times][:, None, None] * idle[where], free)
-        return torch.einsum("mij,mi,mj->m", around, *weights)
+        around: Tensor = torch.where(home[:, None, None], self._left[times][:, None, None] * idle[where], free)
+        return ((around * weights[1][:, None, :]).sum(-1) * weights[0]).sum(-1)
 
     def _coupling(self, times: Tensor, places: Tensor) -> Tensor:
         """C_t, shape (M,)."""
@@ -132,9 +145,9 @@ class Guide:
         swapped = self._swapped[row][:, None, None]
         rows, columns = torch.where(swapped, second, first), torch.where(swapped, first, second)
         at = self._offsets[row][:, None, None] + rows * self._strides[row][:, None, None] + columns
-        codes = torch.from_numpy(self.lattice.memory[at.cpu().numpy()].astype(np.float32)).to(self.device)
-        joint = weights[0][:, :, None] * weights[1][:, None, :]
-        total = ((self._tops[row][:, None, None] - codes * (DEPTH / LEVELS)) * joint).sum((1, 2))
+        codes: Tensor = torch.from_numpy(self.lattice.memory[at.cpu().numpy()].astype(np.float32)).to(self.device)
+        joint: Tensor = weights[0][:, :, None] * weights[1][:, None, :]
+        total: Tensor = ((self._tops[row][:, None, None] - codes * (DEPTH / LEVELS)) * joint).sum((1, 2))
         return total / joint.sum((1, 2)).clamp(min=LEAST_WEIGHT)
 
     def _corners(self, drone: int, places: Tensor, row: Tensor) -> tuple[Tensor, Tensor]:

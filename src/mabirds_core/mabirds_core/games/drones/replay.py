@@ -113,7 +113,7 @@ class Replay:
         length = self.rollouts.states.shape[1]
         cumulative = (discount ** np.arange(length)).cumsum()
         times = np.searchsorted(cumulative, cumulative[-1] * rng.random(flights.shape), side="right")
-        return flights * length + np.minimum(times, length - 1)
+        return np.asarray(flights * length + np.minimum(times, length - 1))
 
     @property
     def transitions(self) -> tuple[Array, Array]:
@@ -123,7 +123,20 @@ class Replay:
 
 
 def joined(first: Trajectories, second: Trajectories) -> Trajectories:
-    """Both, the second last."""
+    """Put trajectories together.
+
+    Parameters
+    ----------
+    first : Trajectories
+        Those that come first.
+    second : Trajectories
+        Those that follow.
+
+    Returns
+    -------
+    Trajectories
+        All of them.
+    """
     states, actions = (np.concatenate(parts) for parts in zip(first, second, strict=True))
     return Trajectories(states, actions)
 

@@ -9,14 +9,17 @@ with r = r_theta + omega^T phi, e(s, a) = r(s, a) - r(s, 0), and y = e(s, a) whe
 Levine, ICML 2018; twin critics: Fujimoto, van Hoof and Meger, ICML 2018). tau stays as it is given: the fixed point is
 the soft Bellman policy of the reward divided by tau.
 
-- log pi is relative to mu, uniform in the disc of actions, so that values are those of ``lattice``. Each drone's
-  action is a = a_max (tanh |u| / |u|) u with u Gaussian, its mean and deviation from the actor network.
-- The game has an end: networks are told t, and Q_k(t, s, a) = h_t q_k(t, s, a, s'), where h_t = 1 + gamma h_{t+1},
-  h_{T+1} = 0, is what a reward of one in every step left is worth. The network q_k, the mean reward of a step still
-  to come, is of the same order at every t.
+- log pi is relative to mu, uniform in the disc of actions. The actor is a mixture of Gaussians (``mixtures``), and the
+  expectation over its modes is taken, not drawn: log w has a gradient without noise.
+- Where exact planners know the game's values nearly, critics begin with them and learn the rest: Q_k is what the
+  ``guide`` says plus h_t q_k. Flights of the guide's policy are replayed with one's own: actors that explore alone
+  never see what is dear to miss. The guide is right from the start, so that actors may learn quickly.
+- The game has an end: networks are told t, and h_t = 1 + gamma h_{t+1}, h_{T+1} = 0, is what a reward of one in every
+  step left is worth. The network q_k, a mean reward of a step still to come, is of the same order at every t.
 - The dynamics are known, so critics are shown the successor s' of (s, a), through which the actor's gradient passes.
   Rewards are known as well, so Q leaves out r(s, 0), which no action changes: its rest follows from a and s'.
-- Transitions are replayed off policy: rollouts of all searches, and demonstrations, which lead where rewards are.
+- Transitions are replayed off policy, those of step t as often as gamma^t says: V_0 less the soft return of pi from P_0
+  is E_pi sum_t gamma^t KL(pi_t | exp Q_t / tau), the gap (``SacPolicy.gap``).
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -72,10 +75,7 @@ class Rates(NamedTuple):
 
 
 class Minibatch(NamedTuple):
-    """Transitions of one gradient step, shapes (batch, ...), and what the actor draws from.
-
-    ``noise``: standard normal, (batch, 2, K, 2 N_E), for s' and for s; ``uniform``: in [0, 1), (batch,).
-    """
+    """Transitions of one gradient step, shapes (batch, ...), and what the actor draws from."""
 
     states: Tensor
     actions: Tensor
@@ -86,7 +86,9 @@ class Minibatch(NamedTuple):
     """r(s', 0); of the last steps of rollouts neither this nor s' counts."""
     times: Tensor
     noise: Tensor
+    """Standard normal, for s' and for s, shape (batch, 2, K, 2 N_E)."""
     uniform: Tensor
+    """In [0, 1), shape (batch,)."""
 
 
 @dataclass(frozen=True)
