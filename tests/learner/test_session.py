@@ -329,3 +329,14 @@ def test_the_certificate_of_a_plan_is_a_metric_and_a_bad_one_a_warning(
     assert 0 <= first[None]["certificate"] < 0.1
     assert first[3.0]["certificate"] == 3.0
     assert np.isfinite(first[None]["held_out_log_likelihood"])
+
+
+def test_the_gap_of_a_search_is_a_metric(make_drone_experiment: Callable[..., Path]) -> None:
+    """With a guide, by which what eight gradient steps find is far below V_0."""
+    experiment = load_experiment(make_drone_experiment("soft_actor_critic"))
+    target = session(experiment)
+    target.receive_demonstration(1, demonstrations(experiment)["learner_1"][0])
+    target.member.receive_parameters("learner_2", 1, target.parameters)
+    metrics = target.step()
+    assert metrics["gap"] > 1
+    assert "certificate" not in metrics

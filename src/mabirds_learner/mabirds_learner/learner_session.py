@@ -33,6 +33,9 @@ LIKELIHOOD = "held_out_log_likelihood"
 CERTIFICATE = "certificate"
 """Name of the metric, in nats, that says by how much the planner missed its own problem."""
 
+GAP = "gap"
+"""Name of the metric, in nats, that says how far a searched policy is from the one that was looked for."""
+
 MOST_NATS = 0.1
 """Of a certificate; beyond that the problem is not solved."""
 
@@ -136,6 +139,7 @@ class LearnerSession(SessionState, Generic[AMember]):
             metrics = {f"gradient_{name}": value for name, value in norms(result.gradient).items()}
             metrics |= self._likelihood(result.estimate.policy, self._demonstrations[n])
             metrics |= self._certificate(result.estimate.policy)
+            metrics |= self._gap(result.estimate.policy)
         self.mixed_from = list(incoming)
         self.member.close_iteration(n)
         self._close_iteration(n)
@@ -169,6 +173,12 @@ class LearnerSession(SessionState, Generic[AMember]):
                 *(self.iteration - 1, nats, MOST_NATS),
             )
         return {} if nats is None else {CERTIFICATE: nats}
+
+    def _gap(self, policy: Policy) -> dict[str, float]:
+        """By how much what the policy earns lies below what it should [nats]; nothing of planners that are exact."""
+        gap = getattr(policy, "gap", None)
+        nats = None if gap is None else gap(self.learner.seed)
+        return {} if nats is None else {GAP: float(nats)}
 
     def _on_join(self) -> None:
         """What others learned before this learner joined is not its to learn."""

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,11 +11,14 @@ from arenas import arena, double, random_rollouts
 
 from mabirds_core.arrays import Array
 from mabirds_core.errors import CheckpointError, ExperimentError
-from mabirds_core.games.drones.actor_critic_networks import Adam, Networks, squashed
-from mabirds_core.games.drones.features import total_reward
+from mabirds_core.games.drones.actor_critic_networks import MODES, Adam, Networks
+from mabirds_core.games.drones.actor_critic_policy import Problem
 from mabirds_core.games.drones.game import DroneGame
+from mabirds_core.games.drones.guide import guidance
 from mabirds_core.games.drones.lattice import LatticePlanner
 from mabirds_core.games.drones.metrics import place_visitation, visitation_distance
+from mabirds_core.games.drones.mixtures import Mixture, squashed
+from mabirds_core.games.drones.planner_settings import SoftActorCriticSettings
 from mabirds_core.games.drones.replay import Replay
 from mabirds_core.games.drones.rewards import LinearDroneReward, TrueDroneReward
 from mabirds_core.games.drones.rollouts import drone_rollouts
@@ -73,16 +77,45 @@ def test_torch_moves_drones_as_numpy_does(game: DroneGame) -> None:
     assert np.abs(after.numpy().reshape(states.shape) - game.step(states, actions)).max() < 1e-12
 
 
+def random_mixture(drones: int, rows: int, seed: int = 0) -> Mixture:
+    """The same mixture in every row, of modes that differ."""
+    output = torch.from_numpy(np.random.default_rng(seed).normal(0, 0.5, size=(1, 3 * (1 + 5 * drones))))
+    return Mixture(*(values.expand(rows, *values.shape[1:]) for values in Mixture.of(output, 3)))
+
+
+def drawn(mixture: Mixture, seed: int) -> tuple[Array, Array]:
+    """One action of every row, and log pi."""
+    rng, (rows, modes, drones, _) = np.random.default_rng(seed), mixture.means.shape
+    noise = torch.from_numpy(rng.standard_normal((rows, modes, 2 * drones)))
+    actions, log_pi = mixture.act(mixture.chosen(mixture.draw(noise), torch.from_numpy(rng.random(rows))))
+    return actions[:, 0].numpy(), log_pi[:, 0].numpy()
+
+
 def test_log_pi_is_relative_to_the_uniform_measure_of_the_disc() -> None:
-    """E over actions of exp(-log pi) is the share of the disc that is covered: all of it, whatever the weights."""
-    game = arena(1)
-    networks, rng = Networks(game, 16), np.random.default_rng(0)
-    weights = 3 * networks.actor.initial(1, rng)
-    states = torch.tensor(game.starts(1, rng), dtype=torch.float32).expand(200_000, -1)
-    noise = torch.from_numpy(rng.standard_normal((200_000, 2)).astype(np.float32))
-    actions, log_pi = networks.draw(weights, states, torch.zeros(len(states)), noise)
-    inner = actions.norm(dim=1) < 0.7 * game.dynamics.max_action  # where no weight is extreme
-    assert float((torch.exp(-log_pi) * inner).mean()) == pytest.approx(0.49, abs=0.01)
+    """By the midpoint rule, its mass in a smaller disc is the share of actions that are drawn there."""
+    radii, angles = 0.7 * np.sqrt((np.arange(300) + 0.5) / 300), 2 * np.pi * (np.arange(360) + 0.5) / 360
+    u = np.arctanh(radii)[:, None, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    _, log_pi = random_mixture(1, 1).act(torch.from_numpy(u.reshape(1, -1, 1, 2)))
+    mass = 0.49 * np.exp(log_pi.numpy()).mean()
+    actions, _ = drawn(random_mixture(1, 200_000), seed=1)
+    assert 0.2 < mass < 0.9
+    assert (np.hypot(*actions.T) < 0.7).mean() == pytest.approx(mass, abs=0.005)
+
+
+def test_the_density_of_two_drones_is_that_of_what_is_drawn() -> None:
+    """E over actions of exp(-log pi) is the share of the discs that is covered; of two drones in smaller discs."""
+    actions, log_pi = drawn(random_mixture(2, 400_000), seed=3)
+    for side in (1, -1):  # and of halves, which tells who is who
+        inner = (np.hypot(*actions[:, :2].T) < 0.6) & (np.hypot(*actions[:, 2:].T) < 0.6) & (side * actions[:, 3] > 0)
+        assert (np.exp(-log_pi) * inner).mean() == pytest.approx(0.36**2 / 2, abs=0.003)
+
+
+def test_modes_begin_apart() -> None:
+    networks = Networks(arena(1), 16)
+    weights = networks.initial_actor(np.random.default_rng(0))
+    mixture = networks.mixture(weights, torch.zeros(1, 2), torch.zeros(1))
+    assert mixture.means.shape == (1, MODES, 1, 2)
+    assert mixture.means.std(dim=1).min() > 0.1
 
 
 def test_adam_is_that_of_torch() -> None:
@@ -109,10 +142,12 @@ def test_the_replay_keeps_the_newest_rollouts_and_each_demonstration_once() -> N
     assert len(replay.demonstrations.states) == 5
     states, _ = replay.transitions
     assert states.shape == (4 * (4 + 5), game.state_size)
-    drawn = replay.draws(50, 8, 0.25, np.random.default_rng(0))
-    assert drawn.shape == (50, 8)
+    drawn = replay.draws(5000, 8, 0.25, 0.9, np.random.default_rng(0))
+    assert drawn.shape == (5000, 8)
     assert drawn[:, :6].max() < 16 <= drawn[:, 6:].min()
     assert drawn.max() < 36
+    shares = np.bincount(drawn.ravel() % 4) / drawn.size
+    assert shares == pytest.approx(0.9 ** np.arange(4) / (0.9 ** np.arange(4)).sum(), abs=0.01)
 
 
 def test_the_same_arguments_give_the_same_bits_and_leave_the_previous_policy_alone() -> None:
@@ -166,16 +201,19 @@ def test_a_gpu_that_is_not_there_is_missed_at_once() -> None:
             planner(arena(1), device="cuda")
 
 
+def problem_of(one: SacPlanner, omega: Array) -> Problem:
+    return Problem(one.game, ((one.reward_model, np.zeros(0)), (one.game.cost_features, omega)), 0.1, None)
+
+
 def test_nothing_follows_the_last_step() -> None:
     """At t = T what is wanted of Q is what the action itself costs."""
     game = arena(2)
     one = planner(game)
     policy = found(one)
-    theta, omega = np.zeros(0), np.full(len(game.cost_features.names), -0.3)
-    batches = one._batches(theta, omega, policy.replay, 20, np.random.default_rng(0))
+    problem = problem_of(one, np.full(len(game.cost_features.names), -0.3))
     networks, last = Networks(game, 8), 0
-    for batch in batches:
-        wanted, ends = one._wanted(networks, policy.learned, batch), batch.times == game.horizon
+    for batch in one._batches(problem, policy.replay, 20, np.random.default_rng(0)):
+        wanted, ends = one._wanted(networks, problem, policy.learned, batch), batch.times == game.horizon
         assert torch.equal(wanted[ends], batch.efforts[ends])
         assert not torch.isclose(wanted[~ends], batch.efforts[~ends]).any()
         last += int(ends.sum())
@@ -185,19 +223,14 @@ def test_nothing_follows_the_last_step() -> None:
 def test_rewards_are_those_of_the_newest_parameters() -> None:
     game = arena(2)
     one = planner(game)
-    policy, omega = found(one), np.linspace(-1, 1, len(game.cost_features.names))
-    batch = next(iter(one._batches(np.zeros(0), omega, policy.replay, 1, np.random.default_rng(0))))
+    policy, problem = found(one), problem_of(one, np.linspace(-1, 1, len(game.cost_features.names)))
+    batch = next(iter(one._batches(problem, policy.replay, 1, np.random.default_rng(0))))
     states, actions = (values.double().numpy() for values in (batch.states, batch.actions))
-
-    def reward(states: Array, actions: Array) -> Array:
-        own = total_reward(game.space, one.reward_model, np.zeros(0), states, actions)
-        return np.asarray(own + total_reward(game.space, game.cost_features, omega, states, actions))
-
     idle = np.zeros_like(actions)
-    assert np.allclose(batch.efforts.numpy(), reward(states, actions) - reward(states, idle), atol=1e-5)
+    assert np.allclose(batch.efforts.numpy(), problem.reward(states, actions) - problem.reward(states, idle), atol=1e-5)
     followed, after = batch.times.numpy() < game.horizon, game.step(states, actions)
     assert np.allclose(batch.successors.numpy()[followed], after[followed], atol=1e-5)
-    assert np.allclose(batch.idle.numpy()[followed], reward(after, idle)[followed], atol=1e-5)
+    assert np.allclose(batch.idle.numpy()[followed], problem.reward(after, idle)[followed], atol=1e-5)
     assert followed.any()
 
 
@@ -252,3 +285,59 @@ def test_it_comes_near_the_lattice(temperature: float, searches: int) -> None:
     if temperature < 1:
         assert visitation_distance([visits[0], idle]) > 0.5
     assert distance < 0.12, distance
+
+
+def guided(game: DroneGame, temperature: float, **changes: Any) -> SacPlanner:
+    """With the guide of the default settings."""
+    settings = SoftActorCriticSettings(kind="soft_actor_critic", temperature=temperature)
+    reward = LinearDroneReward(game)
+    return SacPlanner(game, reward, temperature, **changes, guidance=guidance(settings, game, reward))
+
+
+def test_a_guide_closes_the_gap() -> None:
+    """Below a nat after three short searches; untrained it is some nats, and far more without the guide."""
+    game, theta, omega = hall()
+    gaps = {}
+    for name, one in (
+        ("untrained", guided(game, 0.1, hidden=64, first_steps=0)),
+        ("guided", guided(game, 0.1, hidden=64, first_steps=300, steps=150)),
+    ):
+        policy = None
+        for seed in range(1 if name == "untrained" else 3):
+            policy = one.plan(theta, omega, policy, np.random.default_rng(seed))
+        assert policy is not None
+        gaps[name] = policy.gap(1, 400)
+    assert gaps["untrained"] is not None
+    assert gaps["guided"] is not None
+    assert gaps["untrained"] > 3
+    assert -0.3 < gaps["guided"] < 1, gaps
+
+
+def test_without_a_guide_the_gap_is_the_critics_own() -> None:
+    game = arena(2)
+    one = planner(game)
+    policy = found(one)
+    assert policy.gap(1) == policy.gap(1) != policy.gap(2)
+    assert one.load_state_dict(one.state_dict(policy)).gap(1) is None
+
+
+def test_a_guided_search_repeats_and_goes_on_from_what_is_remembered() -> None:
+    game = arena(2, {"horizon": 4})
+    one = guided(game, 0.5, **SMALL)
+    theta, omega = np.zeros(one.reward_model.size), np.full(len(game.cost_features.names), -0.1)
+
+    def search(previous: SacPolicy | None, seed: int) -> SacPolicy:
+        return one.plan(theta, omega, previous, np.random.default_rng(seed))
+
+    policy = search(search(None, 0), 1)
+    recalled = one.load_state_dict(one.state_dict(policy))
+    assert bits(one, search(recalled, 2)) == bits(one, search(policy, 2))
+    assert bits(one, search(None, 0)) == bits(one, search(None, 0)) != bits(one, search(None, 1))
+
+
+def test_who_is_guided() -> None:
+    for game, expected in ((arena(1), True), (arena(2), True), (arena(3), False), (double(2), False)):
+        settings = SoftActorCriticSettings(kind="soft_actor_critic")
+        assert (guidance(settings, game, LinearDroneReward(game)) is not None) == expected
+    unguided = SoftActorCriticSettings(kind="soft_actor_critic", guide="none")
+    assert guidance(unguided, arena(2), LinearDroneReward(arena(2))) is None

@@ -4,6 +4,7 @@ Nothing here is changed in place: a step of Adam gives new weights. Networks of 
 are computed together, one row of weights each.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -16,9 +17,16 @@ from torch import Tensor
 
 from mabirds_core.games.drones.dynamics import DroneDynamics
 from mabirds_core.games.drones.game import DroneGame
+from mabirds_core.games.drones.mixtures import MIN_SQUARE, NUMBERS, Mixture
 
-LOG_DEVIATIONS = (-4.0, 1.0)
-"""Bounds of the logarithm of the deviation of an action before it is squashed."""
+MODES = 4
+"""Gaussians of an actor's mixture."""
+
+SPREAD = 0.5
+"""Deviation of what they begin with."""
+
+BESIDE, APART = 3, 0.4
+"""Of a pair, networks see 2 BESIDE + 1 by as many RBFs of where one is from the other, so far apart [m]."""
 
 LAST_LAYER = 0.01
 """How small the last layer begins beside others, so that all actions are alike at first and worth nothing."""
@@ -31,9 +39,6 @@ WAVES = 4
 
 CLOCK = 2 * WAVES + 1
 """Numbers in which networks are told the time."""
-
-MIN_SQUARE = 1e-6
-"""Keeps lengths off 0, where they have no gradient."""
 
 
 class Adam(NamedTuple):
@@ -118,17 +123,6 @@ class Layers:
         return values
 
 
-def squashed(u: Tensor) -> tuple[Tensor, Tensor]:
-    """(tanh r / r) u of u (..., 2), in the unit disc, and the logarithm of the map's Jacobian determinant (...,).
-
-    With r = |u| the determinant is sech^2 r along u times tanh r / r across it.
-    """
-    r = ((u**2).sum(-1) + MIN_SQUARE).sqrt()
-    across = r.tanh() / r
-    log_along = 2 * (np.log(2.0) - r - torch.nn.functional.softplus(-2 * r))  # log sech^2 r, also where sech^2 r is 0
-    return across[..., None] * u, log_along + across.log()
-
-
 @dataclass(frozen=True)
 class Networks:
     """Actor and critics of a game, on ``device``; times t are floats, shape (M,)."""
@@ -139,8 +133,9 @@ class Networks:
 
     @cached_property
     def actor(self) -> Layers:
-        """From s and t to the means of the actions before they are squashed, and to what makes their deviations."""
-        return Layers((self._seen + CLOCK, self.hidden, self.hidden, 2 * self.game.action_size))
+        """From s and t to what makes a mixture."""
+        outputs = MODES * (1 + NUMBERS * self.game.n_experts)
+        return Layers((self._seen + CLOCK, self.hidden, self.hidden, outputs))
 
     @cached_property
     def critic(self) -> Layers:
@@ -171,22 +166,27 @@ class Networks:
         return torch.cat([2 * places / self.dynamics.arena - 1, velocities / self.dynamics.max_speed], dim=2).flatten(1)
 
     def seen(self, states: Tensor) -> Tensor:
-        """States as networks see them: also through RBFs of each drone's place and steps of each pair's distance."""
+        """States as networks see them: also through RBFs of each drone's place, and of what is between each pair."""
         places = states.view(len(states), self.game.n_experts, -1)[..., :2]
-        x, y = (torch.exp(-(((places[..., i, None] - self._axes[i]) / self._width) ** 2) / 2) for i in (0, 1))
-        parts = [self.plain(states), (x[..., :, None] * y[..., None, :]).flatten(1)]
+        parts = [self.plain(states), _bumps(places, self._axes, self._width)]
         if self.game.pairs:
             first, second = np.transpose(self.game.pairs).tolist()
-            distances = (((places[:, first] - places[:, second]) ** 2).sum(-1) + MIN_SQUARE).sqrt()[..., None]
+            ways = places[:, first] - places[:, second]
+            distances = ((ways**2).sum(-1) + MIN_SQUARE).sqrt()[..., None]
             steps = ((self._levels - distances) / self.game.settings.features.distance_softness).sigmoid()
-            parts += [distances.flatten(1), steps.flatten(1)]
+            parts += [distances.flatten(1), steps.flatten(1), _bumps(ways, 2 * [self._beside], APART)]
         return torch.cat(parts, dim=1)
 
     @property
     def _seen(self) -> int:
         """Numbers in ``seen`` for each state."""
         rbfs, levels = self.game.reward_features.grid.size, len(self.game.settings.features.distance_levels)
-        return self.game.state_size + self.game.n_experts * rbfs + len(self.game.pairs) * (1 + levels)
+        between = 1 + levels + (2 * BESIDE + 1) ** 2
+        return self.game.state_size + self.game.n_experts * rbfs + len(self.game.pairs) * between
+
+    @cached_property
+    def _beside(self) -> Tensor:
+        return APART * self._tensor(range(-BESIDE, BESIDE + 1))
 
     @cached_property
     def _axes(self) -> list[Tensor]:
@@ -207,8 +207,15 @@ class Networks:
     def _tensor(self, values: ArrayLike) -> Tensor:
         return torch.tensor(np.array(values), dtype=torch.float32, device=self.device)
 
-    def gaussian(self, actor: Tensor, states: Tensor, times: Tensor) -> tuple[Tensor, Tensor]:
-        """The normal distribution of actions before they are squashed.
+    def initial_actor(self, rng: np.random.Generator) -> Tensor:
+        """Weights of an actor whose modes differ a little, or they would stay alike, shape (1, P)."""
+        weights = self.actor.initial(1, rng)
+        outputs = self.actor.widths[-1]
+        weights[:, -outputs:] += torch.tensor(SPREAD * rng.standard_normal(outputs), dtype=torch.float32)
+        return weights
+
+    def mixture(self, actor: Tensor, states: Tensor, times: Tensor) -> Mixture:
+        """The distribution of actions before they are squashed.
 
         Parameters
         ----------
@@ -221,44 +228,13 @@ class Networks:
 
         Returns
         -------
-        mean : Tensor
-            Shape (M, 2 N_E).
-        log_deviation : Tensor
-            Shape (M, 2 N_E).
+        Mixture
+            M of them.
         """
         (output,) = self.actor(actor, torch.cat([self.seen(states), self.clock(times)], dim=1))
-        mean, raw = output.chunk(2, dim=1)
-        low, high = LOG_DEVIATIONS
-        return mean, low + (high - low) * raw.sigmoid()
+        return Mixture.of(output, MODES)
 
-    def draw(self, actor: Tensor, states: Tensor, times: Tensor, noise: Tensor) -> tuple[Tensor, Tensor]:
-        """Draw actions.
-
-        Parameters
-        ----------
-        actor : Tensor
-            Weights, shape (1, P).
-        states : Tensor
-            Shape (M, N_E D).
-        times : Tensor
-            Shape (M,).
-        noise : Tensor
-            Standard normal, shape (M, 2 N_E).
-
-        Returns
-        -------
-        actions : Tensor
-            Shape (M, 2 N_E).
-        log_pi : Tensor
-            Of the actions relative to mu, shape (M,).
-        """
-        mean, log_deviation = self.gaussian(actor, states, times)
-        log_normal = -(noise**2 / 2 + log_deviation + np.log(2 * np.pi) / 2).sum(1)
-        actions, log_determinant = squashed((mean + log_deviation.exp() * noise).view(len(noise), -1, 2))
-        log_uniform = -self.game.n_experts * np.log(np.pi)
-        return self.dynamics.max_action * actions.flatten(1), log_normal - log_determinant.sum(1) - log_uniform
-
-    def q(self, critics: Tensor, states: Tensor, times: Tensor, actions: Tensor) -> Tensor:
+    def q(self, critics: Tensor, states: Tensor, times: Tensor, actions: Tensor, successors: Tensor) -> Tensor:
         """q_k(t, s, a, s') of each critic.
 
         Parameters
@@ -271,14 +247,38 @@ class Networks:
             Shape (M,).
         actions : Tensor
             Shape (M, 2 N_E).
+        successors : Tensor
+            Shape (M, N_E D).
 
         Returns
         -------
         Tensor
             Shape (2, M).
         """
-        drones, controls = (values.view(len(values), self.game.n_experts, -1) for values in (states, actions))
-        successors = self.dynamics.step(drones, controls).flatten(1)
         chosen = actions / self.dynamics.max_action
         inputs = torch.cat([self.plain(states), self.clock(times), chosen, self.seen(successors)], dim=1)
         return self.critic(critics, inputs)[..., 0]
+
+    def after(self, states: Tensor, actions: Tensor) -> Tensor:
+        """s' of s and a.
+
+        Parameters
+        ----------
+        states : Tensor
+            Shape (M, N_E D).
+        actions : Tensor
+            Shape (M, 2 N_E).
+
+        Returns
+        -------
+        Tensor
+            Shape (M, N_E D).
+        """
+        drones, controls = (values.view(len(values), self.game.n_experts, -1) for values in (states, actions))
+        return torch.as_tensor(self.dynamics.step(drones, controls)).flatten(1)
+
+
+def _bumps(ways: Tensor, axes: Sequence[Tensor], width: float) -> Tensor:
+    """RBFs of vectors (M, N, 2), centred where the axes cross, shape (M, N X Y)."""
+    x, y = (torch.exp(-(((ways[..., i, None] - axes[i]) / width) ** 2) / 2) for i in (0, 1))
+    return (x[..., :, None] * y[..., None, :]).flatten(1)

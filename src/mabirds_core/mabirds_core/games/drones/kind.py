@@ -55,9 +55,12 @@ def build_soft_actor_critic(settings: SoftActorCriticSettings, game: Any, reward
         A ``SacPlanner``.
     """
     require("torch", "policies of kind soft_actor_critic", "mabirds_core[sac]")
-    from mabirds_core.games.drones.soft_actor_critic import SacPlanner  # torch takes a second to load, and 200 MB
+    from mabirds_core.games.drones.guide import guidance  # torch takes a second to load, and 200 MB
+    from mabirds_core.games.drones.soft_actor_critic import SacPlanner
 
-    return SacPlanner(game, reward, **settings.model_dump(exclude={"kind"}))
+    return SacPlanner(
+        game, reward, **settings.model_dump(exclude={"kind", "guide"}), guidance=guidance(settings, game, reward)
+    )
 
 
 def check_lattice(settings: LatticeSettings, game: Any) -> None:

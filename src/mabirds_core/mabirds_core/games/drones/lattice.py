@@ -160,6 +160,24 @@ class LatticePolicy:
         """
         return self._here(states) + self.choices(step, states).totals
 
+    def lone_values(self, drone: int, places: Array) -> Vector:
+        """V^i_0 / tau of a drone without the other one.
+
+        Parameters
+        ----------
+        drone : int
+            Index i.
+        places : Array
+            Shape (M, 2) [m].
+
+        Returns
+        -------
+        Vector
+            Shape (M,).
+        """
+        moves = self.drones[drone].nodes.moves_from(places)
+        return log_sum_exp(log_shares(moves.shares) + self._lone_worth(drone, 0, places, moves.nodes))
+
     def residuals(self, trajectories: Trajectories) -> Vector:
         """The certificate: V_0(s_0) - sum_t gamma^t ( r_t - log pi_t/mu ) along flights from node to node.
 

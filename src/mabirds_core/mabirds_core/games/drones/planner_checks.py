@@ -82,6 +82,15 @@ def _check_reach(lattice: LatticeSettings, spacing: float, game: DroneGame) -> N
             )
 
 
+def suits_guide(game: DroneGame) -> bool:
+    """Whether a lattice of the default spacing can guide a soft actor-critic."""
+    try:
+        check_lattice(LatticeSettings(kind="lattice"), game)
+    except ExperimentError:
+        return False
+    return True
+
+
 def check_soft_actor_critic(settings: SoftActorCriticSettings, game: DroneGame) -> None:
     """Check that what is rolled out at once fits into memory.
 
@@ -95,6 +104,8 @@ def check_soft_actor_critic(settings: SoftActorCriticSettings, game: DroneGame) 
     Raises
     ------
     ExperimentError
-        It does not.
+        It does not, or the guide does not suit the game.
     """
     check_rollouts("policy.rollouts", settings.rollouts, game.horizon)
+    if settings.guide == "lattice":
+        check_lattice(LatticeSettings(kind="lattice"), game)

@@ -35,5 +35,8 @@ class SoftActorCriticSettings(Settings):
     capacity: int = Field(30_000, ge=1, le=10_000_000, description="transitions that are kept")
     rollouts: int = Field(32, ge=1, le=100_000, description="trajectories added to them in each search")
     learning_rate: float = Field(1e-3, gt=0, le=1, description="of the first search")
+    guide: Literal["lattice", "none"] | None = Field(
+        None, description="whose values critics start from; default: a lattice's, for one or two single integrators"
+    )
     device: Literal["cpu", "cuda"] = Field("cpu", description="what computes")
     threads: int = Field(1, ge=1, le=1024, description="of the CPU; results repeat bit for bit with one")

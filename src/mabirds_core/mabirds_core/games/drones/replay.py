@@ -50,7 +50,7 @@ class Replay:
         Replay
             With them.
         """
-        return Replay(_newest(_joined(self.rollouts, new), capacity), self.demonstrations)
+        return Replay(_newest(joined(self.rollouts, new), capacity), self.demonstrations)
 
     def with_demonstrations(self, observed: Trajectories | None, capacity: int) -> "Replay":
         """Add demonstrations that the replay lacks: a learner's window shows each of them many times.
@@ -74,10 +74,10 @@ class Replay:
             fresh[number] = key not in keys
             keys.add(key)
         new = Trajectories(observed.states[fresh], observed.actions[fresh])
-        return Replay(self.rollouts, _newest(_joined(self.demonstrations, new), capacity))
+        return Replay(self.rollouts, _newest(joined(self.demonstrations, new), capacity))
 
-    def draws(self, steps: int, batch: int, share: float, rng: np.random.Generator) -> Indices:
-        """Draw transitions to learn from.
+    def draws(self, steps: int, batch: int, share: float, discount: float, rng: np.random.Generator) -> Indices:
+        """Draw transitions to learn from, of step t as often as gamma^t says: what is lost there counts as much.
 
         Parameters
         ----------
@@ -87,6 +87,8 @@ class Replay:
             Transitions per step.
         share : float
             Of a batch that is demonstrated, in [0, 1].
+        discount : float
+            gamma.
         rng : np.random.Generator
             Of the draw.
 
@@ -95,21 +97,46 @@ class Replay:
         Indices
             Rows of ``transitions``, shape (steps, batch).
         """
-        length = self.rollouts.states.shape[1]
-        rolled, shown = (len(part.states) * length for part in (self.rollouts, self.demonstrations))
+        rolled, shown, length = (
+            len(self.rollouts.states),
+            len(self.demonstrations.states),
+            self.rollouts.states.shape[1],
+        )
         of_experts = round(share * batch) if shown else 0
-        rolled_out = rng.integers(rolled, size=(steps, batch - of_experts))
-        demonstrated = rng.integers(rolled, rolled + max(shown, 1), size=(steps, of_experts))
-        return np.concatenate([rolled_out, demonstrated], axis=1)
+        flights = np.concatenate(
+            [
+                rng.integers(rolled, size=(steps, batch - of_experts)),
+                rng.integers(rolled, rolled + max(shown, 1), size=(steps, of_experts)),
+            ],
+            axis=1,
+        )
+        length = self.rollouts.states.shape[1]
+        cumulative = (discount ** np.arange(length)).cumsum()
+        times = np.searchsorted(cumulative, cumulative[-1] * rng.random(flights.shape), side="right")
+        return np.asarray(flights * length + np.minimum(times, length - 1))
 
     @property
     def transitions(self) -> tuple[Array, Array]:
         """States (M, N_E D) and actions (M, 2 N_E), those of rollouts first; row k is of step k mod T + 1."""
-        states, actions = _joined(self.rollouts, self.demonstrations)
+        states, actions = joined(self.rollouts, self.demonstrations)
         return states.reshape(-1, states.shape[-1]), actions.reshape(-1, actions.shape[-1])
 
 
-def _joined(first: Trajectories, second: Trajectories) -> Trajectories:
+def joined(first: Trajectories, second: Trajectories) -> Trajectories:
+    """Put trajectories together.
+
+    Parameters
+    ----------
+    first : Trajectories
+        Those that come first.
+    second : Trajectories
+        Those that follow.
+
+    Returns
+    -------
+    Trajectories
+        All of them.
+    """
     states, actions = (np.concatenate(parts) for parts in zip(first, second, strict=True))
     return Trajectories(states, actions)
 

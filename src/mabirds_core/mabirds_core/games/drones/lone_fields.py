@@ -1,0 +1,201 @@
+"""What a drone without the others is worth at any place, by quadrature over the disc of its actions.
+
+    V_t(s) = log int mu(da) exp( r(s, a) + gamma V_{t+1}(s') ),     V_{T+1} = 0,     mu uniform in the disc
+
+in units of tau. Unlike those of ``lattice``, these are values of the game with continuous actions: a lattice gives to
+moves of full length what mu says of the whole cell around them, and its V_0 is nats too high. They are kept on a grid
+over the arena and interpolated by cubics; in goal regions, where drones stay for ever, V_t = (1 + gamma + ..) r(s, 0).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mabirds_core.arrays import Array, Indices, Mask, Vector
+from mabirds_core.games.drones.drone_nodes import Rewards
+from mabirds_core.games.drones.game import DroneGame
+
+Float = NDArray[np.float32]
+
+RADII, ANGLES = 6, 18
+"""Points of the quadrature, by Gauss along the squared radius: exact to .01 nats where Q differs by 20 nats across."""
+
+TAPS = np.arange(-1, 3)
+"""Points of the grid that a cubic passes through, from the one below."""
+
+
+@dataclass(frozen=True)
+class FieldGrid:
+    """A grid over the arena, and what actions do from its points for drone i; it knows of no reward."""
+
+    game: DroneGame
+    drone: int
+
+    @cached_property
+    def axes(self) -> list[Vector]:
+        """x and y of its points [m]."""
+        spacing = self.game.dynamics.reach / 2
+        return [np.linspace(0, side, max(4, round(side / spacing) + 1)) for side in self.game.settings.arena]
+
+    @cached_property
+    def places(self) -> Array:
+        """Of its points, shape (X, Y, 2)."""
+        return np.stack(np.meshgrid(*self.axes, indexing="ij"), axis=-1)
+
+    @cached_property
+    def quadrature(self) -> tuple[Array, Vector]:
+        """Actions (Q, 2) and their shares of mu (Q,)."""
+        squares, shares = np.polynomial.legendre.leggauss(RADII)
+        radii, angles = np.sqrt((squares + 1) / 2), 2 * np.pi * (np.arange(ANGLES) + 0.5) / ANGLES
+        directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+        actions = self.game.dynamics.max_action * (radii[:, None, None] * directions).reshape(-1, 2)
+        return actions, np.repeat(shares / 2 / ANGLES, ANGLES)
+
+    @cached_property
+    def after(self) -> Array:
+        """Where actions lead from every point, shape (Q, X, Y, 2)."""
+        ways = self.game.dynamics.time_step * self.quadrature[0]
+        return np.clip(self.places + ways[:, None, None], 0.0, self.game.settings.arena)
+
+    @cached_property
+    def home(self) -> Mask:
+        """Which of these places are in the goal region, shape (Q, X, Y)."""
+        return self.arrived(self.after)
+
+    @cached_property
+    def shifts(self) -> tuple[Float, Float]:
+        """Interpolation where actions lead: matrices along x, (Q X, X), and along y, (Q, Y, Y), transposed."""
+        x = taps(self.axes[0], self.after[:, :, 0, 0].ravel())
+        y = taps(self.axes[1], self.after[:, 0, :, 1].ravel()).reshape(len(self.after), len(self.axes[1]), -1)
+        return x.astype(np.float32), np.ascontiguousarray(y.transpose(0, 2, 1), dtype=np.float32)
+
+    def arrived(self, places: Array) -> Mask:
+        """Which places (..., 2) are in the drone's goal region, shape (...)."""
+        goal = self.game.settings.drones[self.drone].goal_region
+        return np.asarray(((places - np.array(goal.centre)) ** 2).sum(axis=-1) <= goal.radius**2)
+
+
+@dataclass(frozen=True)
+class LoneField:
+    """V of one drone.
+
+    Attributes
+    ----------
+    grid : FieldGrid
+        Where values are kept.
+    idle : Float
+        r(s, 0) / tau, shape (X, Y).
+    effort : float
+        (r(s, a) - r(s, 0)) / tau |a|^2, the same everywhere.
+    values : Float
+        V_t of places outside the goal region, shape (T + 2, X, Y).
+    """
+
+    grid: FieldGrid
+    idle: Float
+    effort: float
+    values: Float
+
+    @classmethod
+    def of(cls, grid: FieldGrid, rewards: Rewards, temperature: float) -> "LoneField":
+        """Soft value iteration.
+
+        Parameters
+        ----------
+        grid : FieldGrid
+            Where values are kept.
+        rewards : Rewards
+            What r is the sum of: each of the place and, by its square, of the action.
+        temperature : float
+            tau.
+
+        Returns
+        -------
+        LoneField
+            With its values.
+        """
+        game, home = grid.game, grid.home
+
+        def reward(places: Array, action: Array | Sequence[float] = (0.0, 0.0)) -> Array:
+            terms = (of.unary(weights, grid.drone, places, np.array(action)) for of, weights in rewards)
+            return np.asarray(sum(terms, np.zeros(places.shape[:-1]))) / temperature
+
+        (actions, shares), (along_x, along_y) = grid.quadrature, grid.shifts
+        middle, most = np.array(game.settings.arena) / 2, game.dynamics.max_action
+        effort = float(reward(middle, (most, 0.0)) - reward(middle)) / most**2
+        scores = (np.log(shares) + effort * (actions**2).sum(axis=1)).astype(np.float32)[:, None, None]
+        idle, arrived = reward(grid.places).astype(np.float32), reward(grid.after[home]).astype(np.float32)
+        values, left = np.zeros((game.horizon + 2, *idle.shape), np.float32), steps_left(game)
+        for step in range(game.horizon, -1, -1):
+            ahead = (along_x @ values[step + 1]).reshape(home.shape) @ along_y
+            ahead[home] = left[step + 1] * arrived
+            values[step] = idle + _log_sum_exp(np.float32(game.discount) * ahead + scores)
+        return cls(grid, idle, effort, values)
+
+    def at(self, step: int, places: Array) -> Vector:
+        """V_t.
+
+        Parameters
+        ----------
+        step : int
+            t.
+        places : Array
+            Shape (M, 2) [m].
+
+        Returns
+        -------
+        Vector
+            In nats, shape (M,).
+        """
+        x, y = (taps(axis, places[:, i]) for i, axis in enumerate(self.grid.axes))
+        free, stays = (((x @ table) * y).sum(axis=1) for table in (self.values[step], self.idle))
+        home = self.grid.arrived(places)
+        return np.asarray(np.where(home, steps_left(self.grid.game)[step] * stays, free))
+
+
+def steps_left(game: DroneGame) -> Vector:
+    """h_t = 1 + gamma h_{t+1}, what a reward of one in every step left is worth, shape (T + 2,)."""
+    return np.append((game.discount ** np.arange(game.horizon + 1)).cumsum()[::-1], 0.0)
+
+
+def taps(axis: Vector, at: Vector) -> Array:
+    """Interpolate by cubics.
+
+    Parameters
+    ----------
+    axis : Vector
+        Evenly spaced points, shape (X,), four at least.
+    at : Vector
+        Where, shape (M,).
+
+    Returns
+    -------
+    Array
+        A row of X weights for each, shape (M, X).
+    """
+    below = np.clip(np.floor(at / axis[1]).astype(np.int64), 1, len(axis) - 3)
+    rows: Indices = np.arange(len(at))
+    result = np.zeros((len(at), len(axis)))
+    result[rows[:, None], below[:, None] + TAPS] = np.stack(cubic(at / axis[1] - below), axis=-1)
+    return result
+
+
+def cubic(way: Any) -> list[Any]:
+    """Weights of the points at -1, 0, 1 and 2 for the cubic through them, at ``way``; for numpy and torch alike."""
+    return [
+        -way * (way - 1) * (way - 2) / 6,
+        (way + 1) * (way - 1) * (way - 2) / 2,
+        -(way + 1) * way * (way - 2) / 2,
+        (way + 1) * way * (way - 1) / 6,
+    ]
+
+
+def _log_sum_exp(scores: Float) -> Float:
+    """Over the first axis."""
+    most = scores.max(axis=0)
+    scores -= most
+    return np.asarray(most + np.log(np.exp(scores, out=scores).sum(axis=0)), dtype=np.float32)
