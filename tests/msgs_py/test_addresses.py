@@ -50,6 +50,21 @@ def test_what_comes_back_at_once_is_not() -> None:
     assert host.seen(10.0) is None
 
 
+def test_a_link_that_is_down_is_no_change() -> None:
+    """Its address comes back with it; a participant that was made before hears again then."""
+    host = Host()
+    host.addresses = frozenset()
+    assert host.seen(1.0) is None
+    assert host.seen(60.0) is None
+
+
+def test_a_link_that_comes_up_is() -> None:
+    host = Host()
+    host.addresses |= {"eth1 10.0.1.1"}
+    assert host.seen(1.0) is None
+    assert host.seen(LASTING) == "addresses of this host have changed (gone: none; new: eth1 10.0.1.1)"
+
+
 def test_it_looks_once_a_second_at_most() -> None:
     host = Host()
     for _ in range(100):

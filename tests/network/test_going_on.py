@@ -227,6 +227,17 @@ def test_what_cannot_be_gone_on_with_is_refused(
     assert (code, words in errors) == (2, True), errors
 
 
+def test_a_run_of_which_nothing_is_known_is_incomplete(make_experiment: Callable[..., Path], tmp_path: Path) -> None:
+    from mabirds_bringup.run.stored_run import RunPlan, begin
+
+    file = make_experiment()
+    made = begin(tmp_path, load_experiment(file), file, bag_digest=None, plan=RunPlan("x"), method=None).directory
+    (made / "parameters").mkdir()
+    assert subprocess.run([MABIRDS, "report", made], capture_output=True, check=False).returncode == 5
+    missing = json.loads((made / "summary.json").read_text(encoding="utf-8"))["missing"]
+    assert missing[-1] == "nothing is known of iteration 1 of learner_1, learner_2"
+
+
 def test_without_a_file_nothing_runs(tmp_path: Path, start: Start) -> None:
     code, errors = finished(start())
     assert code == 2

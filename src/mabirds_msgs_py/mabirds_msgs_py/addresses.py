@@ -43,7 +43,9 @@ def _described(entry: bytes) -> str:
 
 
 class AddressWatch:
-    """Notices that the addresses of this host are no longer those with which a process began.
+    """Notices that this host has addresses that it had not when a process began.
+
+    An address that is gone is no change: with the link it comes back, and the participant with it.
 
     Parameters
     ----------
@@ -62,15 +64,14 @@ class AddressWatch:
         self._now = self._at_first
 
     def changed(self) -> str | None:
-        """In words how they have changed, once they have stayed so for a while; looks once a second at most."""
+        """In words how they have changed, once new ones have stayed for a while; looks once a second at most."""
         now = self._clock()
         if now - self._looked_at >= PERIOD:
             self._looked_at, found = now, self._look()
             if found != self._now:
                 self._now, self._changed_at = found, now
-        if self._now == self._at_first or now - self._changed_at < LASTING:
+        gone, new = self._at_first - self._now, self._now - self._at_first
+        if not new or now - self._changed_at < LASTING:
             return None
-        gone, new = (
-            ", ".join(sorted(some)) or "none" for some in (self._at_first - self._now, self._now - self._at_first)
-        )
-        return f"addresses of this host have changed (gone: {gone}; new: {new})"
+        words = (", ".join(sorted(some)) or "none" for some in (gone, new))
+        return "addresses of this host have changed (gone: {}; new: {})".format(*words)

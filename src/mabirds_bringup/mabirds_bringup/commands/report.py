@@ -10,10 +10,9 @@ from mabirds_bringup import exit_codes
 from mabirds_bringup.commands.demonstrations import demonstrations_at_hand, digest_at_hand
 from mabirds_bringup.commands.options import Json
 from mabirds_bringup.console import console, guarded_output, print_json
-from mabirds_bringup.evaluate.results import audit, write_results
+from mabirds_bringup.evaluate.results import audit, write_results, write_unjudged
 from mabirds_bringup.run.certificate import certify, contradictions
 from mabirds_bringup.run.stored_run import StoredRun, load_run
-from mabirds_core.errors import ExperimentError
 
 RunDirectory = Annotated[Path, typer.Argument(metavar="RUN", help="Run directory, such as runs/latest.")]
 
@@ -35,12 +34,16 @@ def report(directory: RunDirectory, as_json: Json = False) -> int:
 def report_on(
     stored: StoredRun, seconds: float, departed: Collection[str] = (), delivered: dict[str, Any] | None = None
 ) -> dict[str, Any]:
-    """Judge what is known of a run up to the first gap. ``seconds``: it took. ``delivered``: its audit, if at hand."""
+    """Judge what is known of a run up to the first gap, if something is of every learner.
+
+    ``seconds``: it took. ``delivered``: its audit, if at hand.
+    """
     with stored.open_history() as kept:
         certificate, history = certify(stored, kept, departed), kept.without_gap()
         graph = None if stored.plan.method or not stored.plan.run else kept.delivered()
     if unknown := [name for name, parameters in history.items() if not parameters]:
-        raise ExperimentError(f"{stored.directory}: nothing is known of {', '.join(unknown)}; go on with --resume")
+        why = f"nothing is known of iteration 1 of {', '.join(unknown)}"
+        return write_unjudged(stored.directory, certificate, why)
     if delivered is None and graph is not None:
         rounds = stored.experiment.iterations + stored.experiment.closing_rounds
         delivered = audit(stored.experiment.edge_schedule, graph, rounds)

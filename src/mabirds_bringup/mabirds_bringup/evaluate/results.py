@@ -77,12 +77,13 @@ def write_results(
     return content
 
 
-def write_unjudged(directory: Path, certificate: Certificate, why: str) -> None:
-    """summary.json of a run that ended early: what is known of it, and no rates. ``why``: in words."""
+def write_unjudged(directory: Path, certificate: Certificate, why: str) -> dict[str, Any]:
+    """Write, show and return the summary of a run that cannot be judged, without rates. ``why``: in words."""
     content = certificate.content
     content["complete"], content["missing"] = False, [*certificate.missing, why]
     run_directory.write_json(directory / "summary.json", content)
     show_missing(content, directory)
+    return content
 
 
 def show_missing(summary: dict[str, Any], directory: Path) -> None:

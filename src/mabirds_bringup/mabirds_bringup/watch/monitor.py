@@ -20,7 +20,7 @@ from mabirds_core.experiment.simulate import History
 from mabirds_core.metrics.metrics import consensus_distance
 from mabirds_msgs_py import topics
 from mabirds_msgs_py.conversion import nanoseconds
-from mabirds_msgs_py.mass_conversion import membership_message
+from mabirds_msgs_py.mass_conversion import membership_message, read_membership
 from mabirds_msgs_py.network_node import NetworkNode
 from mabirds_msgs_py.presence import LivelinessMonitor
 from mabirds_msgs_py.qos import STATUS_QOS, announced, latched
@@ -76,10 +76,12 @@ class MonitorNode(NetworkNode):
         self.lost: dict[str, set[int]] = {name: set() for name in self.names}
         self._fetch: dict[str, Client] = {}
         self._declared: set[str] = set()
+        self._members: dict[int, list[str]] = {}
         digest, secured = self._admission.digest, is_requested([])
         self._service = topics.of_run(topics.FETCH_PARAMETERS, run, digest, secured=secured)
         if experiment.mixing.declares_members:
             self._membership_publisher = self.create_publisher(Membership, topics.MEMBERSHIP, latched(1))
+            self.create_subscription(Membership, topics.MEMBERSHIP, self._on_membership, latched(DEPTH))
         for name in self.names:
             self._watch(name)
         self.create_timer(GAP_PERIOD, self._ask_for_gaps)
@@ -115,13 +117,18 @@ class MonitorNode(NetworkNode):
         return max((status.epoch for status in self.statuses.values()), default=0)
 
     def taking_part(self) -> list[str]:
-        """Who follows the newest declaration; all, where there was none."""
+        """Whom the newest declaration that learners follow names; all, where there was none.
+
+        Where it was made before this node was there: those whose status says that they follow it.
+        """
         epoch = self._epoch()
-        return [name for name in self.names if epoch <= 1 or self._follows(name, epoch)]
+        if epoch <= 1:
+            return list(self.names)
+        members = self._members.get(epoch) or [name for name in self.names if self._follows(name, epoch)]
+        return [name for name in members if name not in self._declared and not self.has_departed(name)]
 
     def _follows(self, name: str, epoch: int) -> bool:
-        follows = name not in self._declared and name in self.statuses and self.statuses[name].epoch == epoch
-        return follows and not self.has_departed(name)
+        return name in self.statuses and self.statuses[name].epoch == epoch
 
     def has_departed(self, name: str) -> bool:
         """Has a declaration left it out? Then it says that it has finished, before its time."""
@@ -178,6 +185,14 @@ class MonitorNode(NetworkNode):
             self.kept.note_mixed(name, message.iteration - 1, message.mixed_from)
         self._record(name, topics.STATUS, message, nanoseconds(message.stamp))
 
+    def _on_membership(self, message: Membership) -> None:
+        try:
+            members = read_membership(message, self._admission.digest, self._key)
+        except RefusedMessageError as error:
+            self._drop(topics.MEMBERSHIP, error)
+            return
+        self._members[message.epoch] = [name for name in self.names if name in members]
+
     def _on_constraints(self, name: str, message: Constraints) -> None:
         try:
             self._admission.constraints(name, message)
@@ -216,8 +231,10 @@ class MonitorNode(NetworkNode):
         """Has every learner made all updates and closing rounds, and has the result of the last one arrived?"""
         last = self._admission.last
         names = self.taking_part()
-        return all(last in self.parameters[name] and not self._missing(name) for name in names) and all(
-            name in self.statuses and self.statuses[name].state == LearnerStatus.FINISHED for name in names
+        return (
+            bool(names)
+            and all(last in self.parameters[name] and not self._missing(name) for name in names)
+            and all(name in self.statuses and self.statuses[name].state == LearnerStatus.FINISHED for name in names)
         )
 
     def consensus(self) -> tuple[int, float, float] | None:
