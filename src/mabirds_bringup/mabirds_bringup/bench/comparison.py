@@ -1,6 +1,6 @@
 """What was learned beside what there was to learn: experts, held-out demonstrations, optimum, decidable constraints."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,13 +16,19 @@ from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import Streams
 from mabirds_core.games.tabular.decidable import touch_without
 from mabirds_core.games.whole_game import Game, ImitationMetrics
-from mabirds_core.metrics.curves import late_minimum
+from mabirds_core.metrics.curves import LATE
 
 DECIDABLE_AT = 0.99
 """A constraint is decidable where experts without it would have been seen to touch it with this probability."""
 
 EARLY = 20
 """Iterations after which no policy should fail any more."""
+
+SETTLED = 40
+"""Iterations after which none should, where demonstrations are many."""
+
+LAST = 10
+"""Iterations whose mean should be what the last one is."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +76,7 @@ class Comparison:
         return cls(experiment, game, streams, held_out, max(found), touch_without(tabular))
 
     def measures(
-        self, name: str, parameters: Parameters, policy: object, rates: Sequence[ImitationMetrics]
+        self, name: str, parameters: Parameters, policy: object, rates: Mapping[int, ImitationMetrics]
     ) -> dict[str, float]:
         """Of a learner or method; what cannot be said is left out.
 
@@ -82,22 +88,27 @@ class Comparison:
             theta and omega in the end.
         policy : object
             Which they mean.
-        rates : Sequence[ImitationMetrics]
-            By iteration, theta(1) first.
+        rates : Mapping[int, ImitationMetrics]
+            By iteration that was judged, in order; 0 is theta(1).
 
         Returns
         -------
         dict[str, float]
-            ``late_success``, the least SR of the last iterations; ``success_after_20``, that after EARLY iterations;
-            ``held_out_nats`` and ``expert_nats`` per demonstration, ``nats_below_optimum``; ``occupancy_distance`` to
-            the experts; of the game's test of constraints ``called``, ``tested_fdr``, ``auc`` and ``decidable_found``.
+            ``late_success``, the least SR of the last iterations; ``success_after_20`` and ``success_after_40``, that
+            after EARLY and SETTLED iterations; ``last_ten_change``, by how much the mean SR of the LAST differs from
+            the last; ``expert_nats`` per demonstration, ``nats_below_optimum``, and of fixed policies ``fixed_nats``,
+            their best; ``occupancy_distance`` to the experts; of the game's test of constraints ``called``,
+            ``tested_fdr``, ``auc`` and ``decidable_found``.
         """
-        success = [rate.success_rate for rate in rates]
+        success, last = {n: rate.success_rate for n, rate in rates.items()}, max(rates)
         nats = self.held_out.log_likelihood(self.game, policy)
+        late = [rate for n, rate in success.items() if n > last - LAST]
         found = {
-            "late_success": late_minimum(success),
-            "success_after_20": min(success[EARLY + 1 :], default=None),
-            "held_out_nats": nats,
+            "late_success": min(rate for n, rate in success.items() if n > last - LATE),
+            "success_after_20": min((rate for n, rate in success.items() if n > EARLY), default=None),
+            "success_after_40": min((rate for n, rate in success.items() if n > SETTLED), default=None),
+            "last_ten_change": abs(sum(late) / len(late) - success[last]),
+            "fixed_nats": max(self.held_out.fixed_log_likelihoods(self.game, policy).values(), default=None),
             "expert_nats": self.held_out.log_likelihood(self.game, self.held_out.experts),
             "nats_below_optimum": None if nats is None or self.best is None else self.best - nats,
             "occupancy_distance": distance_to_experts(self.experiment, self.game, policy, self.held_out),

@@ -1,5 +1,6 @@
 """The drone game with all that experiments ask of a game."""
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -8,7 +9,8 @@ from mabirds_core.extras import require
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.judge import RolloutJudge
 from mabirds_core.games.drones.learned_costs import measures
-from mabirds_core.games.drones.planner_checks import spacing_of, suits_lattice
+from mabirds_core.games.drones.nodes import Shape
+from mabirds_core.games.drones.planner_checks import fits, spacing_of, suits_lattice
 from mabirds_core.games.drones.planner_settings import LatticeSettings, SoftActorCriticSettings
 from mabirds_core.games.drones.rewards import DroneRewardModel, LinearDroneReward, NeuralDroneReward, TrueDroneReward
 from mabirds_core.games.drones.rollouts import SampledDroneOccupancy
@@ -16,6 +18,9 @@ from mabirds_core.games.interface import Trajectories
 from mabirds_core.games.whole_game import Experts, Learned
 from mabirds_core.planners.interface import Planner
 from mabirds_core.registry import build
+
+JUDGES: tuple[tuple[Shape, int], ...] = (("hexagonal", 4), ("square", 5), ("hexagonal", 7))
+"""Shapes of lattices, and squares of how many spacings a step's way has: 19, 21 and 31 moves."""
 
 DRONES, SAC = "mabirds_core[drones]", "mabirds_core[sac]"
 """What brings scipy, and what brings torch besides."""
@@ -57,6 +62,29 @@ class WholeDroneGame(DroneGame):
             return build_lattice(planner, self, reward, draws=False)
         learned: Planner = build("mabirds.planners", planner, self, reward)
         return learned
+
+    def judging_planners(self, planner: Any, reward: DroneRewardModel) -> Mapping[str, Planner]:
+        """On lattices that are finer than those of learners, or square: none shares their corners or their rounding.
+
+        Where no lattice suits the game, or values of a finer one do not fit into memory, there are none.
+        """
+        if not suits_lattice(self):
+            return {}
+        lattices = (
+            LatticeSettings(
+                kind="lattice",
+                shape=shape,
+                spacing=self.dynamics.reach / math.sqrt(parts),
+                rotations=1,
+                temperature=planner.temperature,
+            )
+            for shape, parts in JUDGES
+        )
+        return {
+            f"{lattice.shape} {lattice.spacing:.3f} m": build_lattice(lattice, self, reward, draws=False)
+            for lattice in lattices
+            if fits(lattice, self)
+        }
 
     def experts(self, kind: str, side: str) -> Experts:  # noqa: ARG002 - there is no other
         """Pilots, who pass obstacles on ``side``."""

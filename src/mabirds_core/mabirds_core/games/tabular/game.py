@@ -58,6 +58,10 @@ class EnumerableGame:
         """The exact one, whichever learned."""
         return SoftBellmanPlanner(self, reward, self.cost_features)
 
+    def judging_planners(self, planner: Any, reward: Any) -> Mapping[str, Any]:  # noqa: ARG002
+        """No others: the evaluation planner is exact."""
+        return {}
+
     def experts(self: TabularGame, kind: str, side: str) -> Experts:  # noqa: ARG002 - all ways are known to them
         """Optimal ones, or those of maximum entropy."""
         return TabularExperts(KINDS[kind](self))
