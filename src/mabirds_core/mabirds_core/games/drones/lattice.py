@@ -36,12 +36,11 @@ from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.lone_drone import LoneDrone, log_shares, log_sum_exp
 from mabirds_core.games.drones.nodes import NodeLattice, Shape
 from mabirds_core.games.drones.rewards import DroneRewardModel
-from mabirds_core.games.drones.rollouts import drone_rollouts
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.planners.interface import Policy
 
 CERTIFIED = 16
-"""Flights along which a plan is checked, always the same ones."""
+"""Flights along which a plan is checked."""
 
 MOST_NATS = 0.1
 """Of the certificate of a plan."""
@@ -71,6 +70,14 @@ class Choices(NamedTuple):
     def totals(self) -> Vector:
         """log of the sum of exp of the scores, shape (M,)."""
         return log_sum_exp(self.scores.reshape(len(self.scores), -1))
+
+    def drawn(self, rng: np.random.Generator) -> list[Indices]:
+        """Where each drone goes, drawn with the policy's probabilities, shape (M,) each."""
+        rows, scores = np.arange(len(self.scores)), self.scores.reshape(len(self.scores), -1)
+        cumulative = np.exp(scores - scores.max(axis=1, keepdims=True)).cumsum(axis=1)
+        drawn = (cumulative <= rng.random((len(rows), 1)) * cumulative[:, -1:]).sum(axis=1)
+        chosen = np.unravel_index(drawn, self.scores.shape[1:])
+        return [moves[rows, chosen[i]] for i, moves in enumerate(self.nodes)]
 
     def log_ratios(self, nodes: list[Indices]) -> Vector:
         """log pi_t/mu of joint moves.
@@ -118,13 +125,7 @@ class LatticePolicy:
 
     def act(self, step: int, states: Array, rng: np.random.Generator) -> Array:
         """An action of each drone for M joint states (M, N_E D), shape (M, 2 N_E): they lead to nodes exactly."""
-        choices = self.choices(step, states)
-        scores = choices.scores.reshape(len(states), -1)
-        cumulative = np.exp(scores - scores.max(axis=1, keepdims=True)).cumsum(axis=1)
-        drawn = (cumulative <= rng.random((len(states), 1)) * cumulative[:, -1:]).sum(axis=1)
-        chosen = np.unravel_index(drawn, choices.scores.shape[1:])
-        rows = np.arange(len(states))
-        return self._velocities(states, [moves[rows, chosen[i]] for i, moves in enumerate(choices.nodes)])
+        return self._velocities(states, self.choices(step, states).drawn(rng))
 
     def choices(self, step: int, states: Array) -> Choices:
         """Moves of M joint states.
@@ -191,30 +192,39 @@ class LatticePolicy:
         result = self.values(0, states[:, 0])
         for step in range(game.horizon + 1):
             here, action = states[:, step], actions[:, step]
-            earned = sum(total_reward(game.space, of, weights, here, action) for of, weights in self.rewards)
             ratios = self.choices(step, here).log_ratios(self._nodes(game.step(here, action)))
-            result -= game.discount**step * (earned / self.temperature - ratios)
+            result -= self._gained(step, here, action, ratios)
         return result
+
+    def _gained(self, step: int, here: Array, action: Array, ratios: Vector) -> Vector:
+        """gamma^t ( r_t - log pi_t/mu )."""
+        space = self.game.space
+        earned = sum(total_reward(space, of, weights, here, action) for of, weights in self.rewards)
+        return np.asarray(self.game.discount**step * (earned / self.temperature - ratios))
 
     def is_sound(self) -> bool:
         """Were float32 and 16 bits enough for what drones cost each other?
 
-        A flight hardly ever comes to where the pair is worth less than before by tens of nats. So a few flights show
-        how deep all others go, and their certificate whether values that were raised to what can be kept draw them
-        there.
+        A flight hardly ever comes to where the pair is worth tens of nats less than before. So a few show how deep all
+        others go, and their certificate whether values that were raised to what can be kept draw them there.
         """
-        flights = drone_rollouts(self.game, self, CERTIFIED, np.random.default_rng(0))
-        certified = np.abs(self.residuals(flights)).max() <= MOST_NATS
-        return bool(certified and self._depth(flights.states) <= MOST_DEPTH)
+        rng, game, depths = np.random.default_rng(0), self.game, [0.0]
+        states = game.starts(CERTIFIED, rng)
+        residuals = self.values(0, states)
+        for step in range(game.horizon + 1):
+            choices = self.choices(step, states)
+            nodes = choices.drawn(rng)
+            action = self._velocities(states, nodes)
+            residuals -= self._gained(step, states, action, choices.log_ratios(nodes))
+            states = game.step(states, action)
+            if step < game.horizon:
+                depths.extend(self._depths(step + 1, states, nodes))
+        return bool(np.abs(residuals).max() <= MOST_NATS and max(depths) <= MOST_DEPTH)
 
-    def _depth(self, states: Array) -> float:
-        """Most by which log( P^1_t exp(gamma C_{t+1}) (P^2_t)^T ) of states (m, T + 1, N_E D) is below its bound."""
-        tops = [*(self.game.discount * table.top for table in self.tables[1:]), 0.0]
-        depths = [0.0]
-        for step, (table, top) in enumerate(zip(self.tables, tops, strict=bool(self.tables)), start=1):
-            here = states[:, step]
-            depths.extend(top + self._here(here) - table.values(*self._nodes(here)))
-        return float(max(depths))
+    def _depths(self, step: int, states: Array, nodes: list[Indices]) -> Vector:
+        """By how much log( P^1_t exp(gamma C_{t+1}) (P^2_t)^T ) is below its largest possible value, shape (M,)."""
+        largest = self.game.discount * self.tables[step].top if step < len(self.tables) else 0.0
+        return np.asarray(largest + self._here(states) - self.tables[step - 1].values(*nodes))
 
     def _nodes(self, states: Array) -> list[Indices]:
         """The nodes where the drones of joint states are; the nearest ones for places between nodes."""
@@ -293,8 +303,7 @@ class LatticePlanner:
         """
         rewards = ((self.reward_model, theta), (self.game.cost_features, omega))
         number = 1 + int(rng.integers(self.rotations)) if self.draws and rng is not None else 0
-        nodes = self.lattices[number]
-        drones = [LoneDrone.of(of, rewards, self.temperature) for of in nodes]
+        drones = [LoneDrone.of(drone, rewards, self.temperature) for drone in self.lattices[number]]
         memory = previous.release() if isinstance(previous, LatticePolicy) else np.empty(0, np.uint16)
         if len(drones) == 1:
             return LatticePolicy(self.game, rewards, self.temperature, drones, [], memory)

@@ -48,7 +48,20 @@ def check_lattice(lattice: LatticeSettings, game: DroneGame) -> None:
 
 
 def fits(lattice: LatticeSettings, game: DroneGame) -> bool:
-    """Whether the values of a policy on the lattice fit into memory."""
+    """Whether the values of a policy on the lattice fit into memory.
+
+    Parameters
+    ----------
+    lattice : LatticeSettings
+        Settings of the planner.
+    game : DroneGame
+        Of drones.
+
+    Returns
+    -------
+    bool
+        At most MAX_VALUES.
+    """
     return _values(lattice, game) <= MAX_VALUES
 
 
