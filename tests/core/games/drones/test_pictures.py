@@ -131,7 +131,7 @@ def test_ways_end_where_a_drone_arrives(game: DroneGame) -> None:
 def test_learners_that_agree_are_drawn_once() -> None:
     same, other, places = np.ones(3), np.zeros(3), np.zeros((1, 1, 2, 2))
     learned = {name: LearnedCosts(omega, places) for name, omega in (("a", same), ("b", other), ("c", same.copy()))}
-    assert list(alike(learned)) == ["a and 1 alike", "b"]
+    assert list(alike(learned)) == ["a + 1 alike", "b"]
 
 
 def test_costs_of_distances_are_all_on_one_axis(game: DroneGame, axis: Axes) -> None:

@@ -213,7 +213,7 @@ def draw_distance_costs(axis: Axes, game: DroneGame, omegas: dict[str, Vector]) 
             label = name if len(game.pairs) == 1 else f"{name}, drones {first + 1} and {second + 1}"
             axis.plot(DISTANCES, distance_costs(game, omega, pair, DISTANCES), label=label, linewidth=1.2)
     axis.axvline(game.settings.least_distance, color="0.1", linestyle="--", linewidth=0.9)
-    axis.set(xlabel="distance of the drones [m], least that is allowed dashed", ylabel="learned cost of it [reward]")
+    axis.set(xlabel="distance of the drones [m]; dashed: least allowed", ylabel="learned cost of it [reward]")
     axis.legend(fontsize=7, loc="lower left", bbox_to_anchor=(0.0, 1.01), borderaxespad=0.0)
 
 
@@ -291,7 +291,7 @@ def alike(learned: dict[str, LearnedCosts]) -> dict[str, LearnedCosts]:
     groups = dict[bytes, list[str]]()
     for name, costs in learned.items():
         groups.setdefault(costs.omega.tobytes(), []).append(name)
-    names = {f"{name} and {len(more)} alike" if more else name: name for name, *more in groups.values()}
+    names = {f"{name} + {len(more)} alike" if more else name: name for name, *more in groups.values()}
     return {title: learned[name] for title, name in names.items()}
 
 
