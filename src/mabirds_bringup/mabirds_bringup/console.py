@@ -78,5 +78,19 @@ def summary_table(summary: dict[str, Any]) -> Table:
     return table
 
 
+def judges_table(summary: dict[str, Any]) -> Table | None:
+    """What planners that took no part make of what was learned, 80 columns wide; None where there are none."""
+    lines = [(name, judge, of) for name, row in summary["learners"].items() for judge, of in row["judges"].items()]
+    if not lines:
+        return None
+    table = Table(title="by planners that took no part in the learning")
+    for column in ("learner", "planner", "CVR", "SR", "V_0", "gap"):
+        table.add_column(column, justify="left" if column in {"learner", "planner"} else "right", no_wrap=True)
+    for name, judge, verdict in lines:
+        rates = (f"{verdict[key]:.4f}" for key in ("violation_rate", "success_rate"))
+        table.add_row(name, judge, *rates, _number(verdict["value"], ".2f"), _number(verdict["certificate"], ".3f"))
+    return table
+
+
 def _number(value: float | None, form: str) -> str:
     return "" if value is None else format(value, form)

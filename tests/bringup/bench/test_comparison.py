@@ -24,8 +24,8 @@ from mabirds_core.games.whole_game import ImitationMetrics
 MakeExperiment = Callable[..., Path]
 
 
-def rates(*success: float) -> list[ImitationMetrics]:
-    return [ImitationMetrics(0.0, rate) for rate in success]
+def rates(*success: float) -> dict[int, ImitationMetrics]:
+    return {n: ImitationMetrics(0.0, rate) for n, rate in enumerate(success)}
 
 
 @pytest.fixture
@@ -44,9 +44,9 @@ def test_measures_are_those_of_the_final_policy(compared: tuple[Comparison, dict
         policy = evaluation_policy(experiment, name, game)(parameters[-1])
         found = comparison.measures(name, parameters[-1], policy, rates(0.5, *[0.9] * 30))
         nats: Any = game.judge.log_likelihoods(policy, held_out)
-        assert found["held_out_nats"] == pytest.approx(nats.mean())
-        assert found["nats_below_optimum"] == pytest.approx(comparison.best - found["held_out_nats"])
-        assert found["expert_nats"] > found["held_out_nats"]
+        assert found["nats_below_optimum"] == pytest.approx(comparison.best - nats.mean())
+        assert found["expert_nats"] > nats.mean()
+        assert "fixed_nats" not in found
         assert found["occupancy_distance"] == game.judge.distance([policy, comparison.held_out.experts], 0)
         shown = shown_features(game, stacked(comparison.streams[name]))
         assert found["called"] <= (~shown.used).sum()
@@ -67,7 +67,11 @@ def test_late_and_early_failures_are_told_apart(compared: tuple[Comparison, dict
     policy = evaluation_policy(comparison.experiment, name, comparison.game)(parameters[-1])
     after_21 = [1.0] * 21 + [0.3] + [1.0] * 20
     found = comparison.measures(name, parameters[-1], policy, rates(*after_21))
-    assert (found["late_success"], found["success_after_20"]) == (1.0, 0.3)
+    assert (found["late_success"], found["success_after_20"], found["success_after_40"]) == (1.0, 0.3, 1.0)
+    assert found["last_ten_change"] == 0.0
+    falls = comparison.measures(name, parameters[-1], policy, {**rates(*after_21), 45: ImitationMetrics(0.0, 0.5)})
+    assert (falls["success_after_40"], falls["late_success"]) == (0.5, 0.5)
+    assert falls["last_ten_change"] == pytest.approx((6 * 1.0 + 0.5) / 7 - 0.5)
     assert "success_after_20" not in comparison.measures(name, parameters[-1], policy, rates(1.0, 0.2))
 
 

@@ -87,6 +87,28 @@ def test_games_that_are_judged_by_rollouts_take_as_many_as_they_are_told(make_dr
     assert at(more, "consensus_theta") == at(results, "consensus_theta")
 
 
+def test_some_iterations_are_judged_and_the_last_ones_always(make_experiment: MakeExperiment) -> None:
+    experiment = load_experiment(make_experiment(change={**EXACT, "closing_rounds": 1}, iterations=5))
+    every, third = (frame_of(run_case(Case("main", "", experiment, judged_every=n), 5)) for n in (1, 3))
+    rates = third.filter(learner="learner_1", metric="success_rate")
+    assert rates["iteration"].to_list() == [0, 3, 5, 6]
+    for metric in ("success_rate", "held_out_nats", "violation_rate"):
+        assert third.filter(metric=metric).join(every, on=third.columns, nulls_equal=True).height == 2 * 4
+
+
+def test_what_planners_that_took_no_part_find_is_kept(make_drone_experiment: MakeExperiment) -> None:
+    experiment = load_experiment(make_drone_experiment(iterations=2))
+    results = frame_of(run_case(Case("main", "", experiment, "bics", rollouts=40), 5))
+    rates = results.filter(is_entry("judge_success"))
+    assert rates["metric"].to_list() == [
+        f"judge_success[{judge}]" for judge in ("hexagonal 0.125 m", "square 0.112 m", "hexagonal 0.094 m")
+    ]
+    assert at(results, "least_judge_success") == [rates["value"].min()]
+    values = results.filter(is_entry("judge_value"))["value"]
+    assert at(results, "judge_value_range") == [pytest.approx(values.max() - values.min())]
+    assert results.filter(is_entry("judge_gap"))["value"].max() < 0.1
+
+
 def test_policies_that_learners_planned_are_judged_at_every_update(make_drone_experiment: MakeExperiment) -> None:
     experiment = load_experiment(make_drone_experiment("soft_actor_critic", iterations=2))
     for method in (None, "bics"):

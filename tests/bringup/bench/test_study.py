@@ -138,18 +138,21 @@ def test_the_discrete_study_has_all_methods_and_all_variations() -> None:
 
 def test_the_continuous_study_has_all_methods_by_either_planner_and_variations() -> None:
     study = load_study("continuous")
-    assert [case.method for case in by_label(study, "lattice").values()] == [None]
-    assert [case.method for case in by_label(study, "methods").values()] == ["bics", "ftl", "dlm", "me_gradient"]
+    assert [case.method for case in by_label(study, "main").values()] == [None, "bics", "me_gradient"]
     assert [case.method for case in by_label(study, "soft_actor_critic").values()] == [None, "bics"]
     assert all(case.own_policies for case in by_label(study, "soft_actor_critic").values())
+    tolerances = by_label(study, "tolerances")
+    for method in ("ftl", "dlm"):
+        cases = [case.experiment.baselines for case in tolerances.values() if case.method == method]
+        settings = [getattr(baselines, method) for baselines in cases]
+        assert [(of.tolerance, of.max_steps, of.steps) for of in settings] == [(t, 5, None) for t in (4.0, 2.0, 1.0)]
     variations = {label: case.experiment for label, case in by_label(study, "variations").items()}
     assert variations["sides at random"].demonstrations.side == "random"
-    assert variations["all pass on the right"].demonstrations.side == "right"
     assert variations["neural reward"].algorithm.reward.kind == "neural"
-    steps: Any = variations["neural reward"].algorithm.steps
-    assert (steps.kind, steps.alpha, steps.beta, steps.eta1, steps.eta2) == ("paper", 20.0, 0.1, 0.8, 0.65)
+    assert all(case.experiment.algorithm.steps.kind == "adaptive" for case in by_label(study, "variations").values())
     (by_start,) = by_label(study, "soft_actor_critic_variations").values()
     assert (by_start.experiment.demonstrations.side, by_start.method) == ("by_start", "bics")
+    assert {case.judged_every for case in study.cases} == {4}
 
 
 def test_a_seeded_case_draws_other_demonstrations_and_rollouts() -> None:

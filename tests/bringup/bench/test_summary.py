@@ -5,7 +5,7 @@ import pytest
 from made_up import results
 
 from mabirds_bringup.bench.frame import LEARNER
-from mabirds_bringup.bench.summary import mean_of_all, mean_range, summarise, time_to
+from mabirds_bringup.bench.summary import mean_of_all, mean_range, summarise, time_to, time_to_stay
 
 
 def test_a_mean_range_is_the_mean_and_half_of_the_range() -> None:
@@ -26,6 +26,14 @@ def test_the_time_to_a_level_adds_the_updates_before_it(level: float, time: floa
     assert seconds == (None if time is None else pytest.approx(time))
 
 
+@pytest.mark.parametrize(("level", "time"), [(0.5, 0.6), (0.3, 0.6), (0.0, 0.0), (0.98, 0.6), (1.1, None)])
+def test_the_time_until_a_level_is_kept_adds_the_updates_before_it(level: float, time: float | None) -> None:
+    """Once is not enough: .5 and .3 are lost again."""
+    swings = results(success_rate=[0.0, 0.9, 0.2, 0.98])
+    (seconds,) = swings.group_by(*LEARNER, "seed").agg(time=time_to_stay(level))["time"].to_list()
+    assert seconds == (None if time is None else pytest.approx(time))
+
+
 def test_a_row_holds_means_over_seeds_before_and_after_the_closing_rounds() -> None:
     other = results(seed=2, violation_rate=[1.0, 1.0, 0.08, 0.03], seconds=[0.3, 0.3], peak_memory=500.0)
     (row,) = summarise(pl.concat([results(), other])).to_dicts()
@@ -34,7 +42,7 @@ def test_a_row_holds_means_over_seeds_before_and_after_the_closing_rounds() -> N
     assert (row["updated_violation_rate"]["mean"], row["updated_success_rate"]["mean"]) == pytest.approx((0.06, 0.8))
     assert row["success_rate"]["mean"] == pytest.approx(0.98)
     assert row["iteration_seconds"] == pytest.approx(0.3)
-    assert row["seconds_to_level"] == pytest.approx([0.25, 0.6])
+    assert row["seconds_to_level"] == row["seconds_to_stay"] == pytest.approx([0.25, 0.6])
     assert [row[of] for of in ("iterations", "gradient_steps", "policy_solves", "peak_memory")] == [2, 2, 4, 450]
     assert (row["consensus_theta"]["mean"], row["consensus_omega"]["mean"]) == pytest.approx((0.1, 0.2))
 

@@ -84,7 +84,9 @@ def test_likelihoods_are_of_demonstrations_that_nobody_learned_from(
 def test_the_summary_names_what_it_holds(learned: Learned, content: dict[str, Any]) -> None:
     assert content["constraint_rule"] == "counterfactual test at confidence 0.9"
     assert set(content["learners"]) == set(learned[0].learners)
+    assert content["fixed_log_likelihoods"] == {}  # of games whose experts' own likelihood is known
     for row in content["learners"].values():
+        assert row["judges"] == {}  # of games whose evaluation planner is exact
         assert set(row) == {
             "iterations",
             "violation_rate",
@@ -96,6 +98,7 @@ def test_the_summary_names_what_it_holds(learned: Learned, content: dict[str, An
             "held_out_log_likelihood",
             "certificate",
             "occupancy_distance",
+            "judges",
             "false_positive_rate",
             "false_negative_rate",
             "false_discovery_rate",

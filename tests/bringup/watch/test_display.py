@@ -14,7 +14,7 @@ from rich.console import Console
 
 from mabirds_bringup.commands.demonstrations import demonstrations_of
 from mabirds_bringup.commands.simulate import simulate_from_bag
-from mabirds_bringup.console import guarded_output, print_json
+from mabirds_bringup.console import guarded_output, judges_table, print_json
 from mabirds_bringup.evaluate.evaluation import evaluate
 from mabirds_bringup.report.page import write_report
 from mabirds_bringup.run import processes
@@ -74,6 +74,19 @@ def test_a_status_of_a_newer_version_is_shown_too(experiment: Experiment, monito
     assert "state 99?" in plain_line(experiment, monitor)
 
 
+VERDICT = {"violation_rate": 0.125, "success_rate": 0.875, "value": 12.5, "certificate": None}
+
+
+def test_verdicts_are_a_table_of_their_own() -> None:
+    rows = {"ann": {"judges": {"fine lattice": VERDICT}}, "bob": {"judges": {"fine lattice": VERDICT}}}
+    table = judges_table({"learners": rows})
+    assert table is not None
+    assert [list(column.cells) for column in table.columns] == [
+        *(["ann", "bob"], ["fine lattice"] * 2, ["0.1250"] * 2, ["0.8750"] * 2, ["12.50"] * 2, [""] * 2)
+    ]
+    assert judges_table({"learners": {"ann": {"judges": {}}}}) is None
+
+
 def test_the_report_shows_its_numbers(tmp_path: Path) -> None:
     rates = {"violation_rate": 0.002, "success_rate": 0.998, "success_late_minimum": 0.91}
     errors = {"false_discovery_rate": 0.1, "false_positive_rate": 0.237, "false_negative_rate": 0.0, "auc": None}
@@ -85,11 +98,13 @@ def test_the_report_shows_its_numbers(tmp_path: Path) -> None:
         "occupancy_distance": 0.05,
         "learned_constraints": {"a wall": 0.987},
         "undetermined": 4,
+        "judges": {"fine lattice": VERDICT},
     }
     summary = {
         "experiment": "<patrol>",
         "constraint_rule": "counterfactual test at confidence 0.95",
         "expert_log_likelihood": -6.23,
+        "fixed_log_likelihoods": {"uniform": 0.0, "straight flight": 8.5},
         "rates": "shares of 1000 rollouts",
         "learners": {"learner_1": row},
         "consensus_distance": {"theta": 3.85, "omega": 6.95, "policy": 0.87},
@@ -111,6 +126,9 @@ def test_the_report_shows_its_numbers(tmp_path: Path) -> None:
         "confidence 0.95",
         "of 1000 rollouts",
         "map.png",
+        "0.00 (uniform), 8.50 (straight flight)",
+        "<td>fine lattice</td><td>0.125</td>",
+        "<td>0.875</td><td>12.50</td>",
     ):
         assert text in page
 

@@ -1,6 +1,6 @@
 """What was learned beside what there was to learn: experts, held-out demonstrations, optimum, decidable constraints."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,12 +12,11 @@ from mabirds_core.algorithm.memory import stacked
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Mask, Vector
 from mabirds_core.errors import ExperimentError
-from mabirds_core.experiment.assembly import independent_policies
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import Streams
 from mabirds_core.games.tabular.decidable import touch_without
 from mabirds_core.games.whole_game import Game, ImitationMetrics
-from mabirds_core.metrics.curves import late_minimum
+from mabirds_core.metrics.curves import LATE
 
 DECIDABLE_AT = 0.99
 """A constraint is decidable where experts without it would have been seen to touch it with this probability."""
@@ -27,6 +26,12 @@ JUDGED = ("success", "violation", "value", "certificate")
 
 EARLY = 20
 """Iterations after which no policy should fail any more."""
+
+SETTLED = 40
+"""Iterations after which none should, where demonstrations are many."""
+
+LAST = 10
+"""Iterations whose mean should be what the last one is."""
 
 
 @dataclass(frozen=True)
@@ -53,23 +58,18 @@ class Comparison:
     touch: Vector | None = None
 
     @classmethod
-    def of(
-        cls, experiment: Experiment, game: Game, streams: Streams, *, optimum: bool, independent: bool = False
-    ) -> "Comparison":
-        """Draw held-out demonstrations, which takes a while where experts search for each: if ``independent``.
-
-        ``optimum``: find the pooled optimum, and what can be decided.
+    def of(cls, experiment: Experiment, game: Game, streams: Streams, *, optimum: bool) -> "Comparison":
+        """Draw the held-out demonstrations; ``optimum``: find the pooled optimum, and what can be decided.
 
         Raises
         ------
         ExperimentError
             The optimum is asked for of a game that cannot be enumerated.
         """
-        exact = hasattr(game, "successor")
-        held_out = draw_held_out(experiment, game) if exact or independent else HeldOut(None, None)
+        held_out = draw_held_out(experiment, game)
         if not optimum:
             return cls(experiment, game, streams, held_out)
-        if not exact or held_out.demonstrations is None:
+        if not hasattr(game, "successor") or held_out.demonstrations is None:
             raise ExperimentError(f"optimum: game {experiment.game.kind}: expected one that can be enumerated")
         from mabirds_bringup.bench.pooled import pooled_optimum  # scipy would count as memory of what was learned
 
@@ -79,7 +79,7 @@ class Comparison:
         return cls(experiment, game, streams, held_out, max(found), touch_without(tabular))
 
     def measures(
-        self, name: str, parameters: Parameters, policy: object, rates: Sequence[ImitationMetrics]
+        self, name: str, parameters: Parameters, policy: object, rates: Mapping[int, ImitationMetrics]
     ) -> dict[str, float]:
         """Of a learner or method; what cannot be said is left out.
 
@@ -91,55 +91,33 @@ class Comparison:
             theta and omega in the end.
         policy : object
             Which they mean.
-        rates : Sequence[ImitationMetrics]
-            By iteration, theta(1) first.
+        rates : Mapping[int, ImitationMetrics]
+            By iteration that was judged, in order; 0 is theta(1).
 
         Returns
         -------
         dict[str, float]
-            ``late_success``, the least SR of the last iterations; ``success_after_20``, that after EARLY iterations;
-            ``held_out_nats`` and ``expert_nats`` per demonstration, ``nats_below_optimum``; ``occupancy_distance`` to
-            the experts; of the game's test of constraints ``called``, ``tested_fdr``, ``auc`` and ``decidable_found``.
+            ``late_success``, the least SR of the last iterations; ``success_after_20`` and ``success_after_40``, that
+            after EARLY and SETTLED iterations; ``last_ten_change``, by how much the mean SR of the LAST differs from
+            the last; ``expert_nats`` per demonstration, ``nats_below_optimum``, and of fixed policies ``fixed_nats``,
+            their best; ``occupancy_distance`` to the experts; of the game's test of constraints ``called``,
+            ``tested_fdr``, ``auc`` and ``decidable_found``.
         """
-        success = [rate.success_rate for rate in rates]
+        success, last = {n: rate.success_rate for n, rate in rates.items()}, max(rates)
         nats = self.held_out.log_likelihood(self.game, policy)
+        late = [rate for n, rate in success.items() if n > last - LAST]
         found = {
-            "late_success": late_minimum(success),
-            "success_after_20": min(success[EARLY + 1 :], default=None),
-            "held_out_nats": nats,
+            "late_success": min(rate for n, rate in success.items() if n > last - LATE),
+            "success_after_20": min((rate for n, rate in success.items() if n > EARLY), default=None),
+            "success_after_40": min((rate for n, rate in success.items() if n > SETTLED), default=None),
+            "last_ten_change": abs(sum(late) / len(late) - success[last]),
+            "fixed_nats": max(self.held_out.fixed_log_likelihoods(self.game, policy).values(), default=None),
             "expert_nats": self.held_out.log_likelihood(self.game, self.held_out.experts),
             "nats_below_optimum": None if nats is None or self.best is None else self.best - nats,
             "occupancy_distance": distance_to_experts(self.experiment, self.game, policy, self.held_out),
             **self._constraints(name, parameters),
         }
         return {measure: float(value) for measure, value in found.items() if value is not None}
-
-    def judged(self, name: str, parameters: Parameters, rollouts: int | None) -> dict[str, dict[str, float]]:
-        """By planners that took no part: rates, values and certificates, each by the planner's name.
-
-        Parameters
-        ----------
-        name : str
-            Of the learner or method.
-        parameters : Parameters
-            theta and omega in the end.
-        rollouts : int or None
-            Which judge a policy.
-
-        Returns
-        -------
-        dict[str, dict[str, float]]
-            ``judged_success``, ``judged_violation``, ``judged_value`` and ``judged_certificate`` [nats].
-        """
-        rows: dict[str, dict[str, float]] = {f"judged_{measure}": {} for measure in JUDGED}
-        judge, seed = self.game.judge, self.experiment.seed
-        for planner, policy_of in independent_policies(self.experiment, name, self.game).items():
-            policy = policy_of(parameters)
-            violation, success = judge.imitation(policy, seed, rollouts)
-            values = (success, violation, judge.value(policy, seed), judge.certificate(policy, seed))
-            for measure, value in zip(JUDGED, values, strict=True):
-                rows[f"judged_{measure}"][planner] = float("nan") if value is None else value
-        return rows
 
     def _constraints(self, name: str, parameters: Parameters) -> dict[str, float | None]:
         """By the game's test; nothing where it has none."""

@@ -36,9 +36,12 @@ OUTCOMES = {
     "late_success": "least late success rate",
     "held_out_nats": "held-out log likelihood [nats]",
 }
+NATS = {"held_out_nats": "held-out log likelihood [nats per demonstration]"}
 MAX_DEMONSTRATIONS = 40
+FEW = 30
+"""Points of a line that are marked, each."""
 THRESHOLDS = np.logspace(-4, 2, 121)
-LEGEND: dict[str, Any] = {"loc": "outside upper center", "ncols": 4, "fontsize": 7}
+LEGEND: dict[str, Any] = {"loc": "outside right upper", "fontsize": 7}
 
 
 def save_figures(study: LoadedStudy, results: pl.DataFrame, directory: Path) -> list[str]:
@@ -71,6 +74,8 @@ def _figure(kind: str, cases: Mapping[str, Case], of_group: pl.DataFrame, shown:
         return thresholds_figure(build_game(next(iter(cases.values())).experiment).true_constraints, shown)
     if kind == "rates":
         return curves_figure(of_group, RATES, ylim=(-0.02, 1.02))
+    if kind == "likelihood":
+        return curves_figure(of_group, NATS)
     if kind == "effort":
         return effort_figure(summarise(of_group))
     return curves_figure(of_group.filter(is_learner()), DISTANCES)
@@ -102,15 +107,15 @@ def learned_figure(cases: Mapping[str, Case], results: pl.DataFrame) -> Figure:
 
 def curves_figure(results: pl.DataFrame, titles: Mapping[str, str], **limits: Any) -> Figure:
     """A panel per metric and a line per case against iterations; actors' are dashed, closing rounds begin dotted."""
-    figure, axes = plt.subplots(1, len(titles), figsize=(10, 3.8), layout="constrained")
-    for axis, (metric, title) in zip(axes, titles.items(), strict=True):
+    figure, axes = plt.subplots(1, len(titles), figsize=(5 * len(titles), 3.8), layout="constrained", squeeze=False)
+    for axis, (metric, title) in zip(axes[0], titles.items(), strict=True):
         for number, label in enumerate(in_order(results, "label")):
             of_case, colour = results.filter(label=label), f"C{number}"
             draw_band(axis, of_case, metric, label, color=colour)
             draw_band(axis, of_case, f"actor_{metric}", f"{label}, actor", color=colour, linestyle="--")
         axis.set(xlabel=ITERATIONS, ylabel=title, **limits)
         mark_last_updates(axis, results)
-    figure.legend(*axes[0].get_legend_handles_labels(), **LEGEND)
+    figure.legend(*axes[0][0].get_legend_handles_labels(), **LEGEND)
     return figure
 
 
@@ -134,7 +139,8 @@ def draw_band(axis: Axes, results: pl.DataFrame, metric: str, label: str, **styl
     band = by_iteration.agg(mean=pl.col("value").mean(), least=pl.col("value").min(), most=pl.col("value").max())
     if band.is_empty():
         return
-    line = axis.plot(band["iteration"], band["mean"], label=label, linewidth=1.2, **style)[0]
+    shape: dict[str, Any] = {"linewidth": 1.2, "marker": "o" if len(band) < FEW else None, "markersize": 3, **style}
+    line = axis.plot(band["iteration"], band["mean"], label=label, **shape)[0]
     axis.fill_between(band["iteration"], band["least"], band["most"], alpha=0.15, color=line.get_color())
 
 

@@ -5,13 +5,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mabirds_bringup.bench.comparison import Comparison
-from mabirds_bringup.bench.results import CaseResult, MetricsRow, curve, entries
+from mabirds_bringup.bench.results import CaseResult, MetricsRow, curve, entries, points
 from mabirds_bringup.bench.study import Case
+from mabirds_bringup.evaluate.held_out import HeldOut
+from mabirds_bringup.evaluate.verdicts import Verdicts, verdicts
 from mabirds_core.algorithm.memory import stacked
 from mabirds_core.arrays import Mask
 from mabirds_core.experiment.assembly import build_game, evaluation_policy
@@ -54,6 +56,24 @@ class LearnedCase:
     peak_memory: float
 
 
+class Judged(NamedTuple):
+    """What theta and omega of a learner mean.
+
+    Attributes
+    ----------
+    rates : Mapping[int, ImitationMetrics]
+        CVR and SR by iteration.
+    nats : Mapping[int, float]
+        Held-out log likelihood by iteration, where the game can say.
+    policy : Any
+        The last one.
+    """
+
+    rates: Mapping[int, ImitationMetrics]
+    nats: Mapping[int, float]
+    policy: Any
+
+
 def run_case(case: Case, seed: int) -> list[CaseResult]:
     """Learn and judge.
 
@@ -73,32 +93,22 @@ def run_case(case: Case, seed: int) -> list[CaseResult]:
         policies that the learner planned. At the end: constraint errors by the threshold, work, ``peak_memory`` of the
         process with all learners of the case [MB], ``policy_distance``, largest total variation distance of two
         learners, ``same_constraints``, 1 where all learners have one constraint set, ``theta[k]``, ``omega[k]``, the
-        game's own measures, and what ``measures`` says of the behaviour and of constraints by the game's test.
+        game's own measures, what ``measures`` says of the behaviour and of constraints by the game's test, and what
+        planners that took no part find (``_verdict_rows``).
     """
     learned = learn(case, case.seeded(seed))
-    judged = {name: _judged(learned, name, case.rollouts) for name in learned.history}
-    agreement = [*_agreement(learned, [policy for _, policy in judged.values()], case.rollouts)]
-    compared = Comparison.of(
-        learned.experiment, learned.game, learned.streams, optimum=case.optimum, independent=case.independent
-    )
+    compared = Comparison.of(learned.experiment, learned.game, learned.streams, optimum=case.optimum)
+    judged = {name: _judged(learned, name, case, compared.held_out) for name in learned.history}
+    agreement = [*_agreement(learned, [of.policy for of in judged.values()], case.rollouts)]
+    final = {name: parameters[-1] for name, parameters in learned.history.items()}
+    told = verdicts(learned.experiment, learned.game, final)
     results = []
-    for name, (rates, policy) in judged.items():
-        last = learned.history[name][-1]
-        measured = compared.measures(name, last, policy, rates)
-        judged_by_others = compared.judged(name, last, case.rollouts) if case.independent else {}
-        at_end = entries(len(rates) - 1, **measured, **judged_by_others, **_worst(judged_by_others))
-        rows = [*_rows(learned, name, rates), *agreement, *at_end]
+    for name, of in judged.items():
+        measured = compared.measures(name, learned.history[name][-1], of.policy, of.rates)
+        last = len(learned.history[name]) - 1
+        rows = [*_rows(learned, name, of), *agreement, *entries(last, **measured), *_verdict_rows(told[name], last)]
         results.append(CaseResult(case.group, case.label, name, seed, rows))
     return results
-
-
-def _worst(judged: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
-    """What the strictest of the other planners says, and by how much their values differ."""
-    if not judged.get("judged_success"):
-        return {}
-    success, violation, values = (judged[f"judged_{measure}"].values() for measure in ("success", "violation", "value"))
-    spread = max(values) - min(values)
-    return {"least_judged": min(success), "most_judged_violation": max(violation), "judged_spread": spread}
 
 
 def drawn_streams(experiment: Experiment, game: Game) -> dict[str, list[Trajectories]]:
@@ -137,14 +147,33 @@ def _rollouts(rollouts: int | None, last: bool) -> int | None:  # noqa: FBT001
     return rollouts if rollouts is None or last else rollouts // 10
 
 
-def _judged(learned: LearnedCase, name: str, rollouts: int | None) -> tuple[list[ImitationMetrics], Any]:
-    """CVR and SR of the policies that theta and omega mean, by iteration, and the last of them."""
+def _judged(learned: LearnedCase, name: str, case: Case, held_out: HeldOut) -> Judged:
+    """The policies that theta and omega mean, by iteration."""
     experiment, game, parameters = learned.experiment, learned.game, learned.history[name]
-    planned, rates = evaluation_policy(experiment, name, game), list[ImitationMetrics]()
-    for updates, at in enumerate(parameters):
-        policy, last = planned(at), updates in {experiment.iterations, len(parameters) - 1}
-        rates.append(game.judge.imitation(policy, experiment.seed, _rollouts(rollouts, last)))
-    return rates, policy
+    planned, rates, nats = evaluation_policy(experiment, name, game), dict[int, ImitationMetrics](), dict[int, float]()
+    final = {experiment.iterations, len(parameters) - 1}
+    for n in sorted({*range(0, len(parameters), case.judged_every), *final}):
+        policy = planned(parameters[n])
+        rates[n] = game.judge.imitation(policy, experiment.seed, _rollouts(case.rollouts, n in final))
+        if (likelihood := held_out.log_likelihood(game, policy)) is not None:
+            nats[n] = likelihood
+    return Judged(rates, nats, policy)
+
+
+def _verdict_rows(found: Verdicts, last: int) -> Iterator[MetricsRow]:
+    """By judging planner SR, CVR, V_0 and its gap; of all of them the worst, and how far their V_0 are apart."""
+    measures = {
+        "judge_success": {judge: verdict.success_rate for judge, verdict in found.items()},
+        "judge_violation": {judge: verdict.violation_rate for judge, verdict in found.items()},
+        "judge_value": {judge: verdict.value for judge, verdict in found.items() if verdict.value is not None},
+        "judge_gap": {judge: of.certificate for judge, of in found.items() if of.certificate is not None},
+    }
+    yield from entries(last, **measures)
+    if found:
+        yield MetricsRow(last, "least_judge_success", min(measures["judge_success"].values()))
+        yield MetricsRow(last, "most_judge_violation", max(measures["judge_violation"].values()))
+    if values := measures["judge_value"].values():
+        yield MetricsRow(last, "judge_value_range", max(values) - min(values))
 
 
 def _agreement(learned: LearnedCase, policies: list[Any], rollouts: int | None) -> Iterator[MetricsRow]:
@@ -161,13 +190,14 @@ def _constraints(learned: LearnedCase, name: str) -> Mask:
     return by_threshold(learned.history[name][-1].omega, learned.experiment.constraint_threshold)
 
 
-def _rows(learned: LearnedCase, name: str, rates: list[ImitationMetrics]) -> Iterator[MetricsRow]:
+def _rows(learned: LearnedCase, name: str, judged: Judged) -> Iterator[MetricsRow]:
     progress, last, game = learned.progress[name], learned.history[name][-1], learned.game
-    yield from _rates("", rates)
-    yield from _rates("actor_", learned.own_rates.get(name, []))
+    yield from _rates("", judged.rates)
+    yield from _rates("actor_", dict(enumerate(learned.own_rates.get(name, []))))
+    yield from points("held_out_nats", judged.nats)
     yield from curve("seconds", [update.seconds for update in progress], first=1)
     yield from entries(
-        len(rates) - 1,
+        max(judged.rates),
         **constraint_errors(_constraints(learned, name), game.true_constraints)._asdict(),
         **progress[-1].work._asdict(),
         peak_memory=learned.peak_memory,
@@ -177,6 +207,6 @@ def _rows(learned: LearnedCase, name: str, rates: list[ImitationMetrics]) -> Ite
     )
 
 
-def _rates(whose: str, rates: list[ImitationMetrics]) -> Iterator[MetricsRow]:
-    yield from curve(f"{whose}violation_rate", [rate.violation_rate for rate in rates])
-    yield from curve(f"{whose}success_rate", [rate.success_rate for rate in rates])
+def _rates(whose: str, rates: Mapping[int, ImitationMetrics]) -> Iterator[MetricsRow]:
+    yield from points(f"{whose}violation_rate", {n: rate.violation_rate for n, rate in rates.items()})
+    yield from points(f"{whose}success_rate", {n: rate.success_rate for n, rate in rates.items()})

@@ -33,6 +33,12 @@ def curve(metric: str, values: Sequence[float], first: int = 0) -> Iterator[Metr
         yield MetricsRow(iteration, metric, float(value))
 
 
+def points(metric: str, values: Mapping[int, float]) -> Iterator[MetricsRow]:
+    """A metric at some iterations."""
+    for iteration, value in values.items():
+        yield MetricsRow(iteration, metric, float(value))
+
+
 def entries(iteration: int, **metrics: ArrayLike | Mapping[str, float]) -> Iterator[MetricsRow]:
     """Numbers, arrays and mappings at one iteration: entry (3, 1) of ``visits`` is the metric ``visits[3,1]``."""
     for name, values in metrics.items():

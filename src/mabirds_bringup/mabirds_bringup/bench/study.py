@@ -43,8 +43,8 @@ class Case:
         How many judge the last policies, where the judge takes some; a tenth of them judge the others.
     optimum : bool
         Is it compared with the pooled optimum, and are decidable constraints told?
-    independent : bool
-        Are the final parameters judged by planners that took no part in learning, too?
+    judged_every : int
+        Every how many iterations the policy is judged, beside the last update and the end.
     """
 
     group: str
@@ -54,7 +54,7 @@ class Case:
     own_policies: bool = False
     rollouts: int | None = None
     optimum: bool = False
-    independent: bool = False
+    judged_every: int = 1
 
     def seeded(self, seed: int) -> Experiment:
         """The experiment with demonstrations and rollouts of their own."""
@@ -80,8 +80,7 @@ class GroupSettings(Settings):
     title: str
     cases: tuple[CaseSettings, ...] = Field(min_length=1)
     own_policies: bool = Field(False, description="judge the policies that learners planned themselves, too")
-    independent: bool = Field(False, description="judge final parameters by planners that took no part, too")
-    pictures: tuple[Literal["learned", "thresholds", "rates", "consensus", "effort"], ...] = ("rates",)
+    pictures: tuple[Literal["learned", "thresholds", "rates", "likelihood", "consensus", "effort"], ...] = ("rates",)
     shown: tuple[str, ...] | None = Field(None, description="labels whose learned policies are pictured; none: all")
 
 
@@ -115,6 +114,9 @@ class Study(Settings):
     targets: tuple[TargetSettings, ...] = ()
     rollouts: int | None = Field(
         None, ge=20, le=100_000, description="that judge the last policies, a tenth the others"
+    )
+    judged_every: int = Field(
+        1, ge=1, le=1000, description="iterations from one judged policy to the next; the last ones are judged anyway"
     )
 
     @model_validator(mode="after")
@@ -155,14 +157,8 @@ class LoadedStudy:
                 content = merged(self.experiments[case.experiment].model_dump(mode="json"), case.changes)
                 experiment = checked(content, f"{self.file}: {name}, {case.label}", self.file.parent)
                 yield Case(
-                    group=name,
-                    label=case.label,
-                    experiment=experiment,
-                    method=case.method,
-                    own_policies=group.own_policies,
-                    rollouts=self.settings.rollouts,
-                    optimum=case.optimum,
-                    independent=group.independent,
+                    *(name, case.label, experiment, case.method, group.own_policies),
+                    *(self.settings.rollouts, case.optimum, self.settings.judged_every),
                 )
 
 

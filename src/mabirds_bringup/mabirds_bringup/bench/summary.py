@@ -44,7 +44,16 @@ def last_update() -> pl.Expr:
 
 def time_to(level: float) -> pl.Expr:
     """Seconds of updates until SR first is at least ``level``; null where it never is."""
-    first = pl.col("iteration").filter(is_metric("success_rate"), pl.col("value") >= level).min()
+    return _seconds_until(pl.col("iteration").filter(is_metric("success_rate"), pl.col("value") >= level).min())
+
+
+def time_to_stay(level: float) -> pl.Expr:
+    """Seconds of updates until SR stays at least ``level``; null where it does not in the end."""
+    below = pl.col("iteration").filter(is_metric("success_rate"), pl.col("value") < level).max().fill_null(-1)
+    return _seconds_until(pl.col("iteration").filter(is_metric("success_rate"), pl.col("iteration") > below).min())
+
+
+def _seconds_until(first: pl.Expr) -> pl.Expr:
     seconds = VALUE.filter(is_metric("seconds"), pl.col("iteration") <= first).sum()
     return pl.when(first.is_not_null()).then(seconds)
 
@@ -69,7 +78,7 @@ def summarise(results: pl.DataFrame) -> pl.DataFrame:
         ``name``; a column for each metric at the end, a mean and range over seeds or, of COUNTS, a mean;
         ``updated_violation_rate`` and ``updated_success_rate`` before the closing rounds; ``iterations``;
         ``iteration_seconds``; ``seconds_ratio``, the same over that of the group's fastest learner;
-        ``seconds_to_level`` of SUCCESS_LEVELS.
+        ``seconds_to_level`` and ``seconds_to_stay`` of SUCCESS_LEVELS.
     """
     metrics = metrics_of(results)
     updated = {f"updated_{rate}": at_last_update(rate) for rate in ("violation_rate", "success_rate")}
@@ -78,6 +87,7 @@ def summarise(results: pl.DataFrame) -> pl.DataFrame:
         **updated,
         iteration_seconds=VALUE.filter(is_metric("seconds")).mean(),
         seconds_to_level=pl.concat_list([time_to(level) for level in SUCCESS_LEVELS]),
+        seconds_to_stay=pl.concat_list([time_to_stay(level) for level in SUCCESS_LEVELS]),
         iterations=last_update(),
     )
     rows = by_seed.group_by(*LEARNER, maintain_order=True).agg(
@@ -85,6 +95,7 @@ def summarise(results: pl.DataFrame) -> pl.DataFrame:
         **{column: mean_range(pl.col(column)) for column in updated},
         iteration_seconds=pl.col("iteration_seconds").mean(),
         seconds_to_level=_level_by_level(pl.col("seconds_to_level")),
+        seconds_to_stay=_level_by_level(pl.col("seconds_to_stay")),
         iterations=pl.col("iterations").first(),
     )
     seconds = pl.col("iteration_seconds")

@@ -71,8 +71,12 @@ TIMES = (
         Column(f"{level:.0%} ST", scaled(pl.col("seconds_to_level").list.get(index)), number(".3f"))
         for index, level in enumerate(SUCCESS_LEVELS)
     ),
+    *(
+        Column(f"stays {level:.0%} [s]", pl.col("seconds_to_stay").list.get(index), number(".1f"))
+        for index, level in enumerate(SUCCESS_LEVELS)
+    ),
 )
-"""Time of an online iteration, and until SR is so high, scaled."""
+"""Time of an online iteration, and until SR is so high, scaled; until SR stays so high, in seconds."""
 
 WORK = (
     per_iteration("gradient steps", "gradient_steps"),

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mabirds_bringup.evaluate.held_out import HeldOut, draw_held_out
+from mabirds_bringup.evaluate.verdicts import Verdicts, verdicts
 from mabirds_core.algorithm.memory import stacked
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Mask, Vector
@@ -76,6 +77,8 @@ class Evaluation:
     constraints: dict[str, Constraints]
     expert_log_likelihood: float | None
     occupancy_distance: dict[str, float | None]
+    fixed_log_likelihoods: Mapping[str, float]
+    verdicts: Mapping[str, Verdicts]
 
     def of(self, learner: str) -> list[LearnerMetrics]:
         """A learner's rows in order."""
@@ -135,12 +138,18 @@ def evaluate(
         {name: learned_constraints(experiment, name, last, demonstrations, game) for name, last in final.items()},
         held_out.log_likelihood(game, held_out.experts),
         {name: distance_to_experts(experiment, game, policy, held_out) for name, policy in policies.items()},
+        held_out.fixed_log_likelihoods(game, next(iter(policies.values()))),
+        verdicts(experiment, game, final),
     )
 
 
 def distance_to_experts(experiment: Experiment, game: Game, policy: Any, held_out: HeldOut) -> float | None:
-    """Total variation distance of a policy's occupancy to the experts'; None where that cannot be said."""
-    return None if held_out.experts is None else game.judge.distance([policy, held_out.experts], experiment.seed)
+    """Total variation distance to what experts do, or to what they show; None where that cannot be said."""
+    if held_out.experts is not None:
+        return game.judge.distance([policy, held_out.experts], experiment.seed)
+    if held_out.demonstrations is None:
+        return None
+    return game.judge.distance_to(policy, held_out.demonstrations, experiment.seed)
 
 
 def learned_constraints(
@@ -169,6 +178,7 @@ def summary(experiment: Experiment, evaluation: Evaluation, seconds: float) -> d
         "constraint_rule": constraint_rule(experiment, evaluation),
         "rates": game.judge.method,
         "expert_log_likelihood": evaluation.expert_log_likelihood,
+        "fixed_log_likelihoods": evaluation.fixed_log_likelihoods,
         "learners": {
             name: _learner_summary(experiment, evaluation, name, game.cost_features.names)
             for name in evaluation.constraints
@@ -206,6 +216,7 @@ def _learner_summary(
         "held_out_log_likelihood": rows[-1].held_out_log_likelihood,
         "certificate": max((row.certificate for row in rows if row.certificate is not None), default=None),
         "occupancy_distance": evaluation.occupancy_distance[name],
+        "judges": {judge: verdict._asdict() for judge, verdict in evaluation.verdicts[name].items()},
         **constraints.errors._asdict(),
         "auc": constraints.auc,
         "learned_constraints": _named(experiment, features, constraints),

@@ -1,5 +1,6 @@
 """Demonstrations that nobody learned from, and the policy of those who gave them."""
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -51,6 +52,23 @@ class HeldOut(NamedTuple):
             return None
         nats = game.judge.log_likelihoods(policy, self.demonstrations)
         return None if nats is None else float(nats.mean())
+
+    def fixed_log_likelihoods(self, game: Game, policy: Any) -> Mapping[str, float]:
+        """Mean log p of the demonstrations under policies that take no learning.
+
+        Parameters
+        ----------
+        game : Game
+            With its judge.
+        policy : Any
+            A learned one of the game.
+
+        Returns
+        -------
+        Mapping
+            By the policy's name, in nats per demonstration; empty where the game has none.
+        """
+        return {} if self.demonstrations is None else game.judge.fixed_log_likelihoods(policy, self.demonstrations)
 
 
 def draw_held_out(experiment: Experiment, game: Game) -> HeldOut:

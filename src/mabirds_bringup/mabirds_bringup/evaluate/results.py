@@ -4,7 +4,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from mabirds_bringup.console import console, progress_bar, summary_table
+from mabirds_bringup.console import console, judges_table, progress_bar, summary_table
 from mabirds_bringup.evaluate.evaluation import LearnerMetrics, evaluate, summary
 from mabirds_bringup.report.page import write_report
 from mabirds_bringup.run import run_directory
@@ -70,6 +70,8 @@ def write_results(
     write_report(directory, content, save_figures(experiment, history, evaluation, directory))
     run_directory.write_json(directory / "summary.json", content)
     console.print(summary_table(content))
+    if (judges := judges_table(content)) is not None:
+        console.print(judges)
     show_missing(content, directory)
     for mismatch in (delivered or {}).get("edge_mismatches", ()):
         console.print(f"the delivered graph differs: {mismatch}", style="red", soft_wrap=True)

@@ -222,27 +222,5 @@ def evaluation_policy(experiment: Experiment, name: str, game: Game) -> Callable
     return _policy_of(experiment, game.evaluation_planner(experiment.algorithm.policy, reward))
 
 
-def independent_policies(experiment: Experiment, name: str, game: Game) -> dict[str, Callable[[Parameters], Policy]]:
-    """What theta and omega mean to planners that took no part in learning them.
-
-    Parameters
-    ----------
-    experiment : Experiment
-        With ``algorithm``.
-    name : str
-        Of the learner or method.
-    game : Game
-        Of the experiment.
-
-    Returns
-    -------
-    dict[str, Callable[[Parameters], Policy]]
-        The policy of theta and omega, by a name of the planner for people.
-    """
-    reward = reward_of(experiment, name, game)
-    planners = {} if reward is None else game.independent_planners(experiment.algorithm.policy, reward)
-    return {planner: _policy_of(experiment, build) for planner, build in planners.items()}
-
-
 def _policy_of(experiment: Experiment, planner: Any) -> Callable[[Parameters], Policy]:
     return lambda parameters: planner.plan(*parameters, rng=np.random.default_rng(experiment.seed))

@@ -108,6 +108,25 @@ class Judge(Protocol):
         """
         ...
 
+    def distance_to(self, policy: Any, demonstrations: Trajectories, seed: int) -> float | None:
+        """Total variation distance between what a policy does and what is demonstrated.
+
+        Parameters
+        ----------
+        policy : Any
+            Of the game.
+        demonstrations : Trajectories
+            At least one.
+        seed : int
+            Of rollouts, where the judge takes some.
+
+        Returns
+        -------
+        float or None
+            In [0, 1]; None where the experts' own policies are at hand, and ``distance`` to them says more.
+        """
+        ...
+
     def log_likelihoods(self, policy: Any, demonstrations: Trajectories) -> Vector | None:
         """log p of each demonstration under a policy.
 
@@ -125,20 +144,37 @@ class Judge(Protocol):
         """
         ...
 
+    def fixed_log_likelihoods(self, policy: Any, demonstrations: Trajectories) -> Mapping[str, float]:
+        """What ``log_likelihoods`` are to be compared with: those of policies that take no learning.
+
+        Parameters
+        ----------
+        policy : Any
+            A learned one, which says in which moves demonstrations are told.
+        demonstrations : Trajectories
+            m of them.
+
+        Returns
+        -------
+        Mapping
+            Means over the demonstrations by the name of the fixed policy [nats]; empty where there are none.
+        """
+        ...
+
     def value(self, policy: Any, seed: int) -> float | None:
-        """V_0 / tau, the mean over starts.
+        """Mean of the value V_0 that a planner gave the starts.
 
         Parameters
         ----------
         policy : Any
             Of the game.
         seed : int
-            Of the starts, where some are drawn.
+            Of starts, where the judge draws some.
 
         Returns
         -------
         float or None
-            In nats; None where the game's policies know none.
+            In nats; None where the policy has no values.
         """
         ...
 
@@ -276,8 +312,8 @@ class Game(ConstrainedMarkovGame, Protocol):
         """
         ...
 
-    def independent_planners(self, planner: Any, reward: Any) -> Mapping[str, Any]:
-        """Build planners that take no part in learning, to judge what was learned in the end.
+    def judging_planners(self, planner: Any, reward: Any) -> Mapping[str, Any]:
+        """Build planners that never serve learning, and share no error of the one that does.
 
         Parameters
         ----------
@@ -288,8 +324,8 @@ class Game(ConstrainedMarkovGame, Protocol):
 
         Returns
         -------
-        Mapping[str, Any]
-            By a name for people; none where the planner that learned is exact in the game itself.
+        Mapping
+            A ``planners.interface.Planner`` by its name for people; empty where the evaluation planner is exact.
         """
         ...
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from arenas import arena, random_rollouts
 
-from mabirds_core.games.drones.demonstrated import log_ratios
+from mabirds_core.games.drones.demonstrated import NOISES, log_ratios, snapped, straight_log_ratios
 from mabirds_core.games.drones.judge import RolloutJudge
 from mabirds_core.games.drones.lattice import LatticePlanner, LatticePolicy
 from mabirds_core.games.drones.rewards import LinearDroneReward
@@ -86,3 +86,44 @@ def test_the_judge_says_so_and_certifies() -> None:
     assert 0 < certificate < 0.1
     assert judge.log_likelihoods(object(), shown) is None
     assert judge.certificate(object(), 0) is None
+    assert judge.fixed_log_likelihoods(object(), shown) == {}
+    straight = straight_log_ratios(policy, shown).mean()
+    assert judge.fixed_log_likelihoods(policy, shown) == {"uniform": 0.0, "straight flight": straight}
+
+
+def straight_by_hand(policy: LatticePolicy, shown: Trajectories, noise: float) -> float:
+    """Mean over demonstrations of the sum over steps and drones, one number after the other."""
+    game, total = policy.game, 0.0
+    for at in snapped(game, [of.nodes for of in policy.drones], shown):
+        for m in np.flatnonzero(at.under_way):
+            for i, drone in enumerate(policy.drones):
+                place = at.states[m, 2 * i : 2 * i + 2]
+                way = np.array(game.settings.drones[i].goal_region.centre) - place
+                aim = place + way * min(1.0, 0.3 / np.hypot(*way))
+                (moves,), (shares,) = drone.nodes.moves_from(place[None])
+                away = {n: np.hypot(*(drone.nodes.places[n] - aim)) for n in moves if n >= 0}
+                pulls = {n: np.exp(-(distance**2) / (2 * noise**2)) for n, distance in away.items()}
+                mean = sum(share * pulls[n] for n, share in zip(moves, shares, strict=True) if n >= 0)
+                total += np.log(pulls[at.nodes[i][m]] / mean)
+    return total / len(shown.states)
+
+
+@every_size
+def test_straight_flight_has_the_noise_that_suits_best(drones: int) -> None:
+    policy = some_policy(drones)
+    shown = random_rollouts(policy.game, 6)
+    by_noise = [straight_by_hand(policy, shown, 0.3 * noise) for noise in NOISES[NOISES > 0.2]]
+    assert straight_log_ratios(policy, shown).mean() == pytest.approx(max(by_noise))
+    assert np.argmax(by_noise) > 0
+
+
+def test_who_flies_straight_is_told_by_it() -> None:
+    """Straight ways are far likelier than to the uniform policy; who stays where it is knows nothing of the way."""
+    policy = some_policy(2)
+    game, start = policy.game, policy.game.starts(4, np.random.default_rng(0))
+    goals = np.concatenate([task.goal_region.centre for task in game.settings.drones])
+    shares = np.minimum(0.25 * np.arange(game.horizon + 1), 1.0)[:, None]
+    straight, stays = start[:, None] + shares * (goals - start)[:, None], np.repeat(start[:, None], len(shares), axis=1)
+    still = np.zeros((4, game.horizon + 1, 4))
+    assert straight_log_ratios(policy, Trajectories(straight, still)).mean() > 5
+    assert straight_log_ratios(policy, Trajectories(stays, still)).mean() < 1

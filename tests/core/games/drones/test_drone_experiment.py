@@ -137,7 +137,7 @@ def test_lattices_are_for_one_or_two_single_integrators(tmp_path: Path, changes:
     assert load_experiment(write(tmp_path, drone_settings({**changes, "algorithm.policy": other})))
 
 
-@pytest.mark.parametrize(("drones", "spacing", "horizon"), [(1, 0.002, 1500), (2, 0.02, 40), (2, 0.045, 2_000)])
+@pytest.mark.parametrize(("drones", "spacing", "horizon"), [(1, 0.002, 2_000), (2, 0.02, 40), (2, 0.045, 2_000)])
 def test_lattices_must_fit_into_memory(tmp_path: Path, drones: int, spacing: float, horizon: int) -> None:
     changes = {"game.drones": ARENA["drones"][:drones], "game.horizon": horizon}
     values = (1.6 * 1.2 / (spacing**2 * math.sin(math.pi / 3))) ** drones * (horizon + 1)
@@ -226,7 +226,7 @@ def test_the_digest_is_of_the_game_too() -> None:
 def test_planners_that_take_no_part_let_drones_fly_as_fast_as_they_can() -> None:
     """Their longest move is a step's way, and no learner draws their lattices."""
     game: Any = drone_game(drone_experiment())
-    planners = game.independent_planners(LatticeSettings(kind="lattice", temperature=2.0), game.linear_reward())
+    planners = game.judging_planners(LatticeSettings(kind="lattice", temperature=2.0), game.linear_reward())
     assert len(planners) == 3
     own = game.evaluation_planner(LatticeSettings(kind="lattice"), game.linear_reward())
     for planner in planners.values():

@@ -20,16 +20,19 @@ from mabirds_core.algorithm.memory import stacked
 from mabirds_core.experiment.file import Experiment, load_experiment
 from mabirds_core.experiment.simulate import History, simulate
 from mabirds_core.games.drones.game import DroneGame
+from mabirds_core.games.drones.learned_costs import place_costs
 from mabirds_core.games.drones.pictures import (
     RESOLUTION,
     SHOWN_DEMONSTRATIONS,
     LearnedCosts,
+    alike,
     colour_of,
     cost_field,
     draw_arena,
     draw_costs,
     draw_distance_costs,
     draw_trajectories,
+    way_cost,
 )
 from mabirds_core.games.interface import Trajectories
 from mabirds_expert_player.recorder import expert_streams
@@ -106,10 +109,29 @@ def test_costs_have_a_panel_a_learner_and_drone_and_one_scale(game: DroneGame) -
     assert low == min(axis.images[0].get_array().min() for axis in panels)
     assert high == max(axis.images[0].get_array().max() for axis in panels)
     assert all(len(axis.lines) == 4 for axis in panels)
+    zero = place_costs(game, omegas[2], 1, learned["l2"].places[:, :, 1]).mean()
+    np.testing.assert_allclose(panels[-1].images[0].get_array(), cost_field(game, omegas[2], 1) - zero)
     first, other_goal = circles(panels[0]), (0.4, 2.6, 0.3)
     assert (2.6, 2.6, 0.3) in first
     assert other_goal not in first
     plt.close(figure)
+
+
+def test_ways_end_where_a_drone_arrives(game: DroneGame) -> None:
+    """What it costs to stay in the goal region says nothing of the way there."""
+    omega = np.random.default_rng(0).normal(size=len(game.cost_features.names))
+    flight = np.array(
+        [[[0.5, 0.5], [2.5, 0.5]], [[1.0, 1.5], [1.5, 2.2]], [[2.6, 2.6], [0.4, 2.6]], [[2.6, 2.6], [0.4, 2.6]]]
+    )
+    expected = place_costs(game, omega, 1, flight[:2, 1]).mean()
+    assert way_cost(game, omega, 1, flight[None]) == pytest.approx(expected)
+    assert way_cost(game, omega, 1, flight[None, 2:]) == 0.0
+
+
+def test_learners_that_agree_are_drawn_once() -> None:
+    same, other, places = np.ones(3), np.zeros(3), np.zeros((1, 1, 2, 2))
+    learned = {name: LearnedCosts(omega, places) for name, omega in (("a", same), ("b", other), ("c", same.copy()))}
+    assert list(alike(learned)) == ["a + 1 alike", "b"]
 
 
 def test_costs_of_distances_are_all_on_one_axis(game: DroneGame, axis: Axes) -> None:
@@ -149,6 +171,7 @@ def test_the_map_of_a_run_of_drones_shows_every_learner(
 ) -> None:
     figure = drone_game(drones).figure(learned_by(drones, history, evaluation), 0.1, seed=0)
     assert sum(bool(axis.images) for axis in figure.axes) == 2 * len(history)
+    assert len({at[-1].omega.tobytes() for at in history.values()}) == len(history)
     plt.close(figure)
 
 

@@ -63,6 +63,11 @@ class RolloutJudge:
         drawn = (self.rollouts(policy, seed, rollouts or EVAL_ROLLOUTS) for policy in policies)
         return visitation_distance([place_visitation(self.game, trajectories) for trajectories in drawn])
 
+    def distance_to(self, policy: DronePolicy, demonstrations: Trajectories, seed: int) -> float:
+        """Distance of the places that a policy's rollouts visit to those of demonstrations."""
+        drawn = self.rollouts(policy, seed), demonstrations
+        return visitation_distance([place_visitation(self.game, trajectories) for trajectories in drawn])
+
     def log_likelihoods(self, policy: Any, demonstrations: Trajectories) -> Vector | None:
         """Nats by which demonstrations are likelier than under the uniform policy; None for densities of networks."""
         if not hasattr(policy, "choices"):
@@ -71,8 +76,16 @@ class RolloutJudge:
 
         return log_ratios(policy, demonstrations)
 
+    def fixed_log_likelihoods(self, policy: Any, demonstrations: Trajectories) -> dict[str, float]:
+        """Of the uniform policy, 0, and of straight flight with fitted noise."""
+        if not hasattr(policy, "choices"):
+            return {}
+        from mabirds_core.games.drones.demonstrated import straight_log_ratios
+
+        return {"uniform": 0.0, "straight flight": float(straight_log_ratios(policy, demonstrations).mean())}
+
     def value(self, policy: Any, seed: int) -> float | None:
-        """V_0 / tau of lattices, over as many starts as rollouts judge."""
+        """Mean over the starts of rollouts; networks have none."""
         if not hasattr(policy, "values"):
             return None
         return float(policy.values(0, self.game.starts(EVAL_ROLLOUTS, np.random.default_rng(seed))).mean())

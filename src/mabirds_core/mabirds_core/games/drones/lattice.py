@@ -58,6 +58,14 @@ class Choices(NamedTuple):
         """log of the sum of exp of the scores, shape (M,)."""
         return log_sum_exp(self.scores.reshape(len(self.scores), -1))
 
+    def drawn(self, rng: np.random.Generator) -> list[Indices]:
+        """Where each drone goes, drawn with the policy's probabilities, shape (M,) each."""
+        rows, scores = np.arange(len(self.scores)), self.scores.reshape(len(self.scores), -1)
+        cumulative = np.exp(scores - scores.max(axis=1, keepdims=True)).cumsum(axis=1)
+        drawn = (cumulative <= rng.random((len(rows), 1)) * cumulative[:, -1:]).sum(axis=1)
+        chosen = np.unravel_index(drawn, self.scores.shape[1:])
+        return [moves[rows, chosen[i]] for i, moves in enumerate(self.nodes)]
+
     def log_ratios(self, nodes: list[Indices]) -> Vector:
         """log pi_t/mu of joint moves.
 
@@ -104,13 +112,7 @@ class LatticePolicy:
 
     def act(self, step: int, states: Array, rng: np.random.Generator) -> Array:
         """An action of each drone for M joint states (M, N_E D), shape (M, 2 N_E): they lead to nodes exactly."""
-        choices = self.choices(step, states)
-        scores = choices.scores.reshape(len(states), -1)
-        cumulative = np.exp(scores - scores.max(axis=1, keepdims=True)).cumsum(axis=1)
-        drawn = (cumulative <= rng.random((len(states), 1)) * cumulative[:, -1:]).sum(axis=1)
-        chosen = np.unravel_index(drawn, choices.scores.shape[1:])
-        rows = np.arange(len(states))
-        return self._velocities(states, [moves[rows, chosen[i]] for i, moves in enumerate(choices.nodes)])
+        return self._velocities(states, self.choices(step, states).drawn(rng))
 
     def choices(self, step: int, states: Array) -> Choices:
         """Moves of M joint states.
@@ -195,8 +197,8 @@ class LatticePolicy:
         result = self.values(0, states[:, 0])
         for step in range(game.horizon + 1):
             here, action = states[:, step], actions[:, step]
-            earned = sum(total_reward(game.space, of, weights, here, action) for of, weights in self.rewards)
             ratios = self.choices(step, here).log_ratios(self._nodes(game.step(here, action)))
+            earned = sum(total_reward(game.space, of, weights, here, action) for of, weights in self.rewards)
             result -= game.discount**step * (earned / self.temperature - ratios)
         return result
 
@@ -277,8 +279,7 @@ class LatticePlanner:
         """
         rewards = ((self.reward_model, theta), (self.game.cost_features, omega))
         number = 1 + int(rng.integers(self.rotations)) if self.draws and rng is not None else 0
-        nodes = self.lattices[number]
-        drones = [LoneDrone.of(of, rewards, self.temperature) for of in nodes]
+        drones = [LoneDrone.of(drone, rewards, self.temperature) for drone in self.lattices[number]]
         memory = previous.release() if isinstance(previous, LatticePolicy) else np.empty(0, np.uint16)
         if len(drones) == 1:
             return LatticePolicy(self.game, rewards, self.temperature, drones, [], memory)

@@ -107,10 +107,8 @@ def cost_field(game: DroneGame, omega: Vector, drone: int) -> Array:
     return place_costs(game, omega, drone, np.stack(np.meshgrid(x, y), axis=-1))
 
 
-def draw_cost(
-    axis: Axes, game: DroneGame, omega: Vector, drone: int, limits: tuple[float, float] | None = None
-) -> AxesImage:
-    """Draw the learned cost of every place for a drone.
+def draw_cost(axis: Axes, game: DroneGame, field: Array, limits: tuple[float, float] | None = None) -> AxesImage:
+    """Draw what every place costs.
 
     Parameters
     ----------
@@ -118,10 +116,8 @@ def draw_cost(
         Of the arena.
     game : DroneGame
         With the arena.
-    omega : Vector
-        Cost weights, shape (K,).
-    drone : int
-        Index.
+    field : Array
+        Of ``cost_field``.
     limits : tuple[float, float], optional
         Least and largest cost of the colours; default: those of the drawing.
 
@@ -132,8 +128,30 @@ def draw_cost(
     """
     low, high = limits or (None, None)
     width, depth = game.settings.arena
-    field, extent = cost_field(game, omega, drone), (0.0, width, 0.0, depth)
-    return axis.imshow(field, cmap=FIELD, origin="lower", extent=extent, vmin=low, vmax=high)
+    return axis.imshow(field, cmap=FIELD, origin="lower", extent=(0.0, width, 0.0, depth), vmin=low, vmax=high)
+
+
+def way_cost(game: DroneGame, omega: Vector, drone: int, places: Array) -> float:
+    """Mean learned cost of where a drone is under way, which costs of other places are told against.
+
+    Parameters
+    ----------
+    game : DroneGame
+        With the goal regions.
+    omega : Vector
+        Cost weights, shape (K,).
+    drone : int
+        Index.
+    places : Array
+        Of flights, shape (m, T + 1, N_E, 2) [m].
+
+    Returns
+    -------
+    float
+        In units of reward; 0 where it is never under way.
+    """
+    flown = places[..., drone, :][~game.dynamics.arrived(places)[..., drone]]
+    return float(place_costs(game, omega, drone, flown).mean()) if len(flown) else 0.0
 
 
 class LearnedCosts(NamedTuple):
@@ -152,7 +170,7 @@ class LearnedCosts(NamedTuple):
 
 
 def draw_costs(figure: FigureBase, game: DroneGame, learned: dict[str, LearnedCosts]) -> None:
-    """Draw learned costs of places, with one scale for all panels.
+    """Draw by how much places are learned to cost more than the ways that are flown, with one scale for all panels.
 
     Parameters
     ----------
@@ -164,15 +182,18 @@ def draw_costs(figure: FigureBase, game: DroneGame, learned: dict[str, LearnedCo
         By name, a column each; a row per drone.
     """
     axes = figure.subplots(game.n_experts, len(learned), squeeze=False)
-    fields = [cost_field(game, omega, drone) for omega, _ in learned.values() for drone in range(game.n_experts)]
+    fields = [
+        [cost_field(game, omega, i) - way_cost(game, omega, i, places) for i in range(game.n_experts)]
+        for omega, places in learned.values()
+    ]
     limits = float(np.min(fields)), float(np.max(fields))
-    for column, (name, (omega, places)) in zip(axes.T, learned.items(), strict=True):
+    for column, of_drones, (name, (_, places)) in zip(axes.T, fields, learned.items(), strict=True):
         for drone, axis in enumerate(column):
-            image = draw_cost(axis, game, omega, drone, limits)
+            image = draw_cost(axis, game, of_drones[drone], limits)
             draw_arena(axis, game, [drone], filled=False)
             draw_trajectories(axis, places, [drone], cased=True)
             axis.set_title(f"{name}, drone {drone + 1}", fontsize=8)
-    figure.colorbar(image, ax=axes, label="learned cost [reward]", shrink=0.8)
+    figure.colorbar(image, ax=axes, label="learned cost of a place, above the drone's own ways [reward]", shrink=0.9)
 
 
 def draw_distance_costs(axis: Axes, game: DroneGame, omegas: dict[str, Vector]) -> None:
@@ -192,8 +213,8 @@ def draw_distance_costs(axis: Axes, game: DroneGame, omegas: dict[str, Vector]) 
             label = name if len(game.pairs) == 1 else f"{name}, drones {first + 1} and {second + 1}"
             axis.plot(DISTANCES, distance_costs(game, omega, pair, DISTANCES), label=label, linewidth=1.2)
     axis.axvline(game.settings.least_distance, color="0.1", linestyle="--", linewidth=0.9)
-    axis.set(xlabel="distance of the drones [m]", ylabel="learned cost [reward]")
-    axis.legend(fontsize=7)
+    axis.set(xlabel="distance of the drones [m]; dashed: least allowed", ylabel="learned cost of it [reward]")
+    axis.legend(fontsize=7, loc="lower left", bbox_to_anchor=(0.0, 1.01), borderaxespad=0.0)
 
 
 SHOWN_ROLLOUTS = 15
@@ -251,7 +272,27 @@ def arena_figure(game: DroneGame, judge: RolloutJudge, learned: Mapping[str, Lea
         name: LearnedCosts(omega, game.positions(judge.rollouts(policy, seed, SHOWN_ROLLOUTS).states))
         for name, (policy, omega, _) in learned.items()
     }
-    return costs_figure(game, costs)
+    return costs_figure(game, alike(costs))
+
+
+def alike(learned: dict[str, LearnedCosts]) -> dict[str, LearnedCosts]:
+    """Those whose cost weights are equal under one name: the first, and how many more.
+
+    Parameters
+    ----------
+    learned : dict[str, LearnedCosts]
+        By name.
+
+    Returns
+    -------
+    dict[str, LearnedCosts]
+        With other names where some agree.
+    """
+    groups = dict[bytes, list[str]]()
+    for name, costs in learned.items():
+        groups.setdefault(costs.omega.tobytes(), []).append(name)
+    names = {f"{name} + {len(more)} alike" if more else name: name for name, *more in groups.values()}
+    return {title: learned[name] for title, name in names.items()}
 
 
 def costs_figure(game: DroneGame, learned: dict[str, LearnedCosts]) -> Figure:

@@ -8,8 +8,8 @@ from mabirds_core.games.drones.nodes import COVERING, SLACK, SYMMETRY
 from mabirds_core.games.drones.planner_settings import LatticeSettings, SoftActorCriticSettings
 from mabirds_core.planners.settings import check_rollouts
 
-MAX_VALUES = 800_000_000
-"""Values that a policy on a lattice may keep: 1.6 gigabytes for two drones, 6.4 for one."""
+MAX_VALUES = 1_000_000_000
+"""Values that a policy on a lattice may keep: 2 gigabytes for two drones, 8 for one."""
 
 
 def suits_lattice(game: DroneGame) -> bool:
@@ -40,12 +40,36 @@ def check_lattice(lattice: LatticeSettings, game: DroneGame) -> None:
         )
     spacing = spacing_of(lattice, game)
     _check_reach(lattice, spacing, game)
-    nodes = math.prod(game.settings.arena) / (spacing**2 * math.sin(SYMMETRY[lattice.shape]))
-    if (values := nodes**game.n_experts * (game.horizon + 1)) > MAX_VALUES:
+    if (values := _values(lattice, game)) > MAX_VALUES:
         raise ExperimentError(
             f"algorithm.policy.spacing {spacing:g} m makes {values:.2g} values, expected at most"
             f" {MAX_VALUES:.2g}; take a larger one"
         )
+
+
+def fits(lattice: LatticeSettings, game: DroneGame) -> bool:
+    """Whether the values of a policy on the lattice fit into memory.
+
+    Parameters
+    ----------
+    lattice : LatticeSettings
+        Settings of the planner.
+    game : DroneGame
+        Of drones.
+
+    Returns
+    -------
+    bool
+        At most MAX_VALUES.
+    """
+    return _values(lattice, game) <= MAX_VALUES
+
+
+def _values(lattice: LatticeSettings, game: DroneGame) -> float:
+    """How many there are if drones can reach all nodes at once."""
+    area = spacing_of(lattice, game) ** 2 * math.sin(SYMMETRY[lattice.shape])
+    nodes: float = math.prod(game.settings.arena) / area
+    return nodes**game.n_experts * (game.horizon + 1)
 
 
 def spacing_of(lattice: LatticeSettings, game: DroneGame) -> float:

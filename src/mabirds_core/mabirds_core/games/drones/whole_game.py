@@ -10,7 +10,7 @@ from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.judge import RolloutJudge
 from mabirds_core.games.drones.learned_costs import measures
 from mabirds_core.games.drones.nodes import Shape
-from mabirds_core.games.drones.planner_checks import spacing_of, suits_lattice
+from mabirds_core.games.drones.planner_checks import fits, spacing_of, suits_lattice
 from mabirds_core.games.drones.planner_settings import LatticeSettings, SoftActorCriticSettings
 from mabirds_core.games.drones.rewards import DroneRewardModel, LinearDroneReward, NeuralDroneReward, TrueDroneReward
 from mabirds_core.games.drones.rollouts import SampledDroneOccupancy
@@ -19,12 +19,11 @@ from mabirds_core.games.whole_game import Experts, Learned
 from mabirds_core.planners.interface import Planner
 from mabirds_core.registry import build
 
+JUDGES: tuple[tuple[Shape, int], ...] = (("hexagonal", 4), ("square", 5), ("hexagonal", 7))
+"""Shapes of lattices, and squares of how many spacings a step's way has: 19, 21 and 31 moves."""
+
 DRONES, SAC = "mabirds_core[drones]", "mabirds_core[sac]"
 """What brings scipy, and what brings torch besides."""
-
-
-INDEPENDENT: tuple[tuple[Shape, int], ...] = (("hexagonal", 4), ("square", 5), ("hexagonal", 7))
-"""Shapes, and the squared length of a step's way in spacings, of lattices that judge what was learned on others."""
 
 
 class WholeDroneGame(DroneGame):
@@ -64,18 +63,28 @@ class WholeDroneGame(DroneGame):
         learned: Planner = build("mabirds.planners", planner, self, reward)
         return learned
 
-    def independent_planners(self, planner: Any, reward: DroneRewardModel) -> Mapping[str, Planner]:
-        """Lattices of other shapes and spacings, on which drones fly as fast as they can; none is drawn in learning."""
+    def judging_planners(self, planner: Any, reward: DroneRewardModel) -> Mapping[str, Planner]:
+        """On lattices that are finer than those of learners, or square: none shares their corners or their rounding.
+
+        Where no lattice suits the game, or values of a finer one do not fit into memory, there are none.
+        """
         if not suits_lattice(self):
             return {}
-        planners = {}
-        for shape, division in INDEPENDENT:
-            spacing = self.dynamics.reach / math.sqrt(division)
-            settings = LatticeSettings(
-                kind="lattice", shape=shape, spacing=spacing, rotations=1, temperature=planner.temperature
+        lattices = (
+            LatticeSettings(
+                kind="lattice",
+                shape=shape,
+                spacing=self.dynamics.reach / math.sqrt(parts),
+                rotations=1,
+                temperature=planner.temperature,
             )
-            planners[f"{shape} {spacing:.3f} m"] = build_lattice(settings, self, reward, draws=False)
-        return planners
+            for shape, parts in JUDGES
+        )
+        return {
+            f"{lattice.shape} {lattice.spacing:.3f} m": build_lattice(lattice, self, reward, draws=False)
+            for lattice in lattices
+            if fits(lattice, self)
+        }
 
     def experts(self, kind: str, side: str) -> Experts:  # noqa: ARG002 - there is no other
         """Pilots, who pass obstacles on ``side``."""

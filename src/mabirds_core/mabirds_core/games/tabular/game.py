@@ -58,8 +58,8 @@ class EnumerableGame:
         """The exact one, whichever learned."""
         return SoftBellmanPlanner(self, reward, self.cost_features)
 
-    def independent_planners(self, planner: Any, reward: Any) -> Mapping[str, Any]:  # noqa: ARG002
-        """None: policies are exact."""
+    def judging_planners(self, planner: Any, reward: Any) -> Mapping[str, Any]:  # noqa: ARG002
+        """No others: the evaluation planner is exact."""
         return {}
 
     def experts(self: TabularGame, kind: str, side: str) -> Experts:  # noqa: ARG002 - all ways are known to them

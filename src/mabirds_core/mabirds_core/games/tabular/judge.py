@@ -1,6 +1,6 @@
 """The judge of enumerable games: probabilities, not samples."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from mabirds_core.algorithm.parameters import Parameters
@@ -33,12 +33,19 @@ class ExactJudge:
         """Distance of the policies' occupancy measures."""
         return policy_distance(self.game, policies)
 
+    def distance_to(self, policy: TabularPolicy, demonstrations: Trajectories, seed: int) -> None:
+        """None: the experts' policy is at hand."""
+
     def log_likelihoods(self, policy: TabularPolicy, demonstrations: Trajectories) -> Vector:
         """log p of each demonstration while it is under way."""
         return log_likelihoods(self.game, policy, demonstrations)
 
+    def fixed_log_likelihoods(self, policy: TabularPolicy, demonstrations: Trajectories) -> Mapping[str, float]:  # noqa: ARG002
+        """None: the experts' own likelihood is at hand."""
+        return {}
+
     def value(self, policy: TabularPolicy, seed: int) -> None:
-        """Not asked for: there is one planner."""
+        """None: rates are found from the policy itself."""
 
     def certificate(self, policy: TabularPolicy, seed: int) -> None:
         """None: rates are found from the policy itself, whoever planned it."""
