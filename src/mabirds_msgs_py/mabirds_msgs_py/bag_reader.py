@@ -164,14 +164,14 @@ class DemonstrationBag:
             head = demonstration_head(data)
         except (ValueError, struct.error) as error:
             raise _undecodable(f"{self._files[file]}: topic {bag_topic(learner)}", error) from None
+        if head.learner == learner and head.game_digest == self._game.digest:
+            return head
         where = self._where(learner, file, head.iteration)
         if head.learner != learner:
             raise BagError(f"{where}: learner {truncate(head.learner)!r}, expected {learner!r}; record the bag anew")
-        if head.game_digest != self._game.digest:
-            raise BagError(
-                f"{where}: game digest {truncate(head.game_digest)!r}, expected {self._game.digest!r}; {OTHER_GAME}"
-            )
-        return head
+        raise BagError(
+            f"{where}: game digest {truncate(head.game_digest)!r}, expected {self._game.digest!r}; {OTHER_GAME}"
+        )
 
     def _put_in_order(self, learner: str, spool: Spool) -> None:
         spool.sort()

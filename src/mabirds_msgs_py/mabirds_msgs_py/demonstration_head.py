@@ -3,8 +3,11 @@
 import struct
 from typing import NamedTuple
 
-LITTLE_ENDIAN, BIG_ENDIAN = b"\x00\x01", b"\x00\x00"
-"""How plain CDR names its byte order, in the first two of four bytes that alignment does not count."""
+NUMBERS = {
+    name: (struct.Struct(f"{order}I"), struct.Struct(f"{order}Q"))
+    for name, order in {b"\x00\x01": "<", b"\x00\x00": ">"}.items()
+}
+"""How numbers are read, by the first two of the four bytes with which plain CDR names its byte order."""
 
 
 class DemonstrationHead(NamedTuple):
@@ -33,14 +36,14 @@ def demonstration_head(data: bytes) -> DemonstrationHead:
     ValueError
         These bytes are no such thing; struct.error where they end early.
     """
-    order = {LITTLE_ENDIAN: "<", BIG_ENDIAN: ">"}.get(data[:2])
-    if order is None:
+    numbers = NUMBERS.get(data[:2])
+    if numbers is None:
         raise ValueError(f"it begins with {data[:4].hex(' ') or 'nothing'}, which is not plain CDR")
-    number = struct.Struct(f"{order}I")
+    number, long_number = numbers
     _, place = _string(data, 12, number)
     learner, place = _string(data, place, number)
     place = 4 + -(-(place - 4) // 8) * 8
-    (iteration,) = struct.unpack_from(f"{order}Q", data, place)
+    (iteration,) = long_number.unpack_from(data, place)
     game_digest, _ = _string(data, place + 8, number)
     return DemonstrationHead(learner, iteration, game_digest)
 

@@ -192,9 +192,10 @@ class McapScan:
         end = start + length
         self._chunks.append(start - HEAD.size)
         _, _, size, crc, name_length = CHUNK.unpack(_whole(self._stream, CHUNK.size))
-        name = _whole(self._stream, min(name_length, 64)).decode()
-        compressed = int.from_bytes(_whole(self._stream, 8), "little")
-        if start + CHUNK.size + len(name.encode()) + 8 + compressed != end:
+        name_length = min(name_length, 64)
+        described = _whole(self._stream, name_length + 8)
+        name, compressed = described[:name_length].decode(), int.from_bytes(described[name_length:], "little")
+        if start + CHUNK.size + len(described) + compressed != end:
             raise McapError(f"a chunk whose data claim {compressed} bytes, other than its record has")
         if compressed < WORTH_A_LOOK or self._holds_wanted(end):
             yield from self._content(name, compressed, size, crc)
