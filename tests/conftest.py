@@ -27,7 +27,9 @@ PATROL = REPOSITORY / "ros_ws" / "config" / "patrol.yaml"
 
 # Domains 1 to 101 are safe on Linux. Tests of several processes at once have other ones, or start at different places.
 FIRST_DOMAIN, LAST_DOMAIN = map(int, os.environ.get("MABIRDS_TEST_DOMAINS", "1-101").split("-"))
-_domains = (FIRST_DOMAIN + (os.getpid() + number) % (LAST_DOMAIN - FIRST_DOMAIN + 1) for number in itertools.count())
+WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+DOMAINS = range(FIRST_DOMAIN + WORKER, LAST_DOMAIN + 1, int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1")))
+_domains = (DOMAINS[(os.getpid() + number) % len(DOMAINS)] for number in itertools.count())
 
 MakeExperiment = Callable[..., Path]
 

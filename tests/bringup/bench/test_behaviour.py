@@ -100,7 +100,7 @@ def row(method: str = MABIRDS, seed: int = 1, learner: str = "learner_1", **chan
     }
     constraints = {"called": 10, "false": 0, "called_used": 0, "decidable": 5, "found": 5, "auc": 0.9}
     common = {"seed": seed, "experts": 2, "learners": 2, "schedule": "static", "demonstrations": 40}
-    optima = {"pooled_nats": -9.0, "pooled_best_nats": -8.0}
+    optima = {"pooled_nats": -9.0, "pooled_best_nats": -8.0, "pooled_best_success": 0.95}
     measured = dict.fromkeys(behaviour) if method == COUNTING else behaviour
     content = {**common, **optima, "method": method, "learner": learner, **measured, **constraints, **changes}
     at_any_level = {f"{count}_at": [content[count]] * len(LEVELS) for count in ("called", "false", "found")}
@@ -160,6 +160,7 @@ def test_a_miss_is_explained_by_its_worst_iterate() -> None:
     rows = [row(**late, late_minimum=0.79, game="map"), row(**{**late, "learner": "b"}, late_minimum=0.9, game="map")]
     (only,) = missed(pl.DataFrame([*rows, row(**late, seed=2, game="map")]), 0.99, 0.98)
     assert (only["seed"], only["learner"], only["late_minimum"], only["map"]) == (1, "learner_1", 0.79, "map")
+    assert only["pooled_best_success"] == 0.95
 
 
 def targets(*changed: dict[str, Any]) -> dict[str, tuple[float, bool]]:
@@ -266,6 +267,7 @@ def test_a_trial_has_a_row_per_method_and_learner(trial: list[dict[str, Any]]) -
         assert 0 <= measured["found"] <= min(measured["called"], measured["decidable"])
         assert measured["called_used"] == 0
         assert measured["pooled_nats"] <= measured["pooled_best_nats"] < 0
+        assert 0 < measured["pooled_best_success"] <= 1
         assert measured["pooled_best_nats"] < measured["expert_nats"] + 0.5
     for measured in trial[:2]:
         assert 0 <= measured["late_minimum"] <= measured["success"] <= 1 - measured["violation"] + 1e-9
@@ -291,7 +293,7 @@ def test_the_command_writes_a_report(report: tuple[Path, dict[str, Any]]) -> Non
     files = {"results.parquet", "summary.json", "report.md", "report.html", *pictures}
     assert {file.name for file in directory.iterdir()} == files
     assert content == json.loads((directory / "summary.json").read_text(encoding="utf-8"))
-    assert content["seeds"] == [6, 7]
+    assert content["seeds"] == "6 to 7"
     assert content["machine"]["cores"] >= 1
     assert (directory / "curves.png").read_bytes().startswith(b"\x89PNG")
     text = (directory / "report.md").read_text(encoding="utf-8")

@@ -76,7 +76,7 @@ class Comparison:
         tabular: Any = game
         pooled = stacked([demonstration for stream in streams.values() for demonstration in stream])
         found = pooled_optimum(tabular, pooled, held_out.demonstrations)
-        return cls(experiment, game, streams, held_out, max(found), touch_without(tabular))
+        return cls(experiment, game, streams, held_out, max(found.final, found.best), touch_without(tabular))
 
     def measures(
         self, name: str, parameters: Parameters, policy: object, rates: Mapping[int, ImitationMetrics]

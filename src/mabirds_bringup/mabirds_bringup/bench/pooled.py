@@ -24,10 +24,21 @@ MAX_EVALUATIONS = 80
 
 
 class Optimum(NamedTuple):
-    """Held-out log likelihood, nats per demonstration: at the end, and the best on the way (early stopping)."""
+    """Held-out log likelihood [nats per demonstration].
+
+    Attributes
+    ----------
+    final : float
+        At the end.
+    best : float
+        The best on the way: of early stopping.
+    stopped : Vector
+        x there.
+    """
 
     final: float
     best: float
+    stopped: Vector
 
 
 def pooled_loss(game: TabularGame, demonstrations: Trajectories) -> Callable[[Vector], tuple[float, Vector]]:
@@ -51,10 +62,11 @@ def pooled_optimum(game: TabularGame, demonstrations: Trajectories, held_out: Tr
         return float(log_likelihoods(game, policy_of(game, x), held_out).mean())
 
     zero = np.zeros(len(game.reward_features.names) + len(game.cost_features.names))
-    best = [likelihood(zero)]
+    way = [(likelihood(zero), zero)]
 
     def on_iteration(x: Vector) -> None:
-        best[0] = max(best[0], likelihood(x))
+        if (found := likelihood(x)) > way[-1][0]:
+            way.append((found, x.copy()))
 
     solver: Any = minimize  # scipy's types know no arrays of any shape
     end = solver(
@@ -65,7 +77,7 @@ def pooled_optimum(game: TabularGame, demonstrations: Trajectories, held_out: Tr
         callback=on_iteration,
         options={"maxfun": MAX_EVALUATIONS, "maxiter": MAX_EVALUATIONS},
     )
-    return Optimum(likelihood(end.x), best[0])
+    return Optimum(likelihood(end.x), *way[-1])
 
 
 def policy_of(game: TabularGame, x: Vector) -> SoftBellmanPolicy:

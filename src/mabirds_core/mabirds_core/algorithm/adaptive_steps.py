@@ -12,8 +12,9 @@ larger for theta, so that a move that happens not to be among the first demonstr
 
 Other coordinates, such as the weights of a network, take AdaGrad's steps with momentum (Duchi, Hazan and Singer, 2011):
 
-    g = e - m,     A <- A + g^2,     M <- .8 M + .2 g,      step = M / sqrt(A)
+    g = e - m,     A <- A + g^2,     M <- .8 M + .2 g,      step = M / sqrt(A (1 + n/4))
 
+which fall as 1/n where rollouts, and demonstrations that pass an obstacle on either side, turn g again and again.
 M and A are a learner's own; theta and omega alone are exchanged. The ratios' steps vanish and their squares are
 summable, as Theorem 1 asks; they are no multiples of the gradient, and learners who saw other demonstrations take other
 ones, which it does not allow for (docs/theory.md).
@@ -42,7 +43,7 @@ MIN_ACTIVE = 1.0
 EXPECTED = 1e-6
 """Counts that are expected to be less tell nothing: they are rounding."""
 
-ADAGRAD_MOMENTUM, FLOOR = 0.8, 1e-12
+ADAGRAD_MOMENTUM, FLOOR, SETTLES_AFTER = 0.8, 1e-12, 4.0
 """Of other coordinates; FLOOR keeps a coordinate at rest whose gradient was always 0."""
 
 
@@ -77,7 +78,7 @@ class AdaptiveSteps(Settings):
                 after = _ratio_momentum(momentum, expected, demonstrated, PRIOR[name] / n, rate)
                 moves[name] = _Move(after, after, squares)
             else:
-                moves[name] = _adagrad(momentum, squares, estimate.window_fill * (expected - demonstrated))
+                moves[name] = _adagrad(momentum, squares, estimate.window_fill * (expected - demonstrated), n)
         remembered = {
             f"{part}.{name}": getattr(move, part) for name, move in moves.items() for part in ("momentum", "squares")
         }
@@ -118,11 +119,11 @@ def _rate_behind(rises: Vector, imagined: Vector, prior: float) -> float:
     return float((rises[expected] / longest).max(initial=0.0))
 
 
-def _adagrad(momentum: Vector, squares: Vector, gradient: Vector) -> _Move:
-    """A <- A + g^2, M <- .8 M + .2 g, step M / sqrt(A)."""
+def _adagrad(momentum: Vector, squares: Vector, gradient: Vector, n: int) -> _Move:
+    """A <- A + g^2, M <- .8 M + .2 g, step M / sqrt(A (1 + n/4))."""
     squares = squares + gradient**2
     momentum = ADAGRAD_MOMENTUM * momentum + (1 - ADAGRAD_MOMENTUM) * gradient
-    return _Move(momentum / np.sqrt(squares + FLOOR), momentum, squares)
+    return _Move(momentum / np.sqrt((squares + FLOOR) * (1 + n / SETTLES_AFTER)), momentum, squares)
 
 
 def _rate(estimate: GradientEstimate, n: int) -> float:

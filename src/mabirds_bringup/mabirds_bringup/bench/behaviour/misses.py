@@ -33,13 +33,15 @@ def missed(rows: pl.DataFrame, success: float, late_success: float) -> list[dict
     Returns
     -------
     list[dict[str, Any]]
-        Seed, network, learner, rates, reason and map; the worst first.
+        Seed, network, learner, rates, that of the likeliest policy on the way to the pooled optimum, reason and map;
+        the worst first.
     """
     failed = rows.filter((pl.col("success") < success) | (pl.col("late_minimum") < late_success))
     worst = failed.sort("late_minimum").unique("seed", keep="first", maintain_order=True)
-    shown = ("seed", "experts", "learners", "schedule", "learner", "success", "late_minimum", "violation")
+    shown = ("seed", "experts", "learners", "schedule", "learner")
+    rates = ("success", "late_minimum", "violation", "pooled_best_success")
     return [
-        {**{column: row[column] for column in shown}, "reason": reason(row), "map": row["game"]}
+        {**{column: row[column] for column in (*shown, *rates)}, "reason": reason(row), "map": row["game"]}
         for row in worst.to_dicts()
     ]
 

@@ -30,7 +30,8 @@ NOTE = (
     " learner of a game counts. Nats: held-out log likelihood per demonstration, below the better of the pooled optimum"
     " by L-BFGS and its best iterate. Decidable: constraints that experts without them would have touched in a"
     " learner's demonstrations with probability .99. Impossible: games in which a held-out demonstration has"
-    " probability 0, so that there is no mean of nats."
+    " probability 0, so that there is no mean of nats. pooled_best_success: SR of the iterate of L-BFGS that is"
+    " likeliest on held-out demonstrations; early stopping would give it."
 )
 
 SUCCESS, VIOLATION, LATE_SUCCESS, NATS_MEDIAN, NATS_95, DISTANCE = 0.99, 0.01, 0.98, 1.0, 2.0, 0.1
@@ -150,7 +151,7 @@ def write_report(
     content: dict[str, Any] = {
         "command": command,
         "machine": dict(machine),
-        "seeds": sorted(frame["seed"].unique().to_list()),
+        "seeds": f"{frame['seed'].min()!s} to {frame['seed'].max()!s}",
         "targets": targets(frame),
         "methods": methods_table(frame),
         "levels": rates_by_level(frame).to_dicts(),

@@ -6,7 +6,7 @@ from typing import Any
 from mabirds_bringup.bench.behaviour.counting import counting_scores
 from mabirds_bringup.bench.behaviour.draw import Draw, draw, with_paper_steps
 from mabirds_bringup.bench.comparison import decidable_constraints
-from mabirds_bringup.bench.pooled import pooled_optimum
+from mabirds_bringup.bench.pooled import policy_of, pooled_optimum
 from mabirds_bringup.evaluate.evaluation import learned_constraints
 from mabirds_core.algorithm.memory import stacked
 from mabirds_core.algorithm.parameters import Parameters
@@ -48,6 +48,7 @@ def run_trial(seed: int, game_kind: str, methods: Sequence[str], demonstrations:
         "demonstrations": demonstrations,
         "pooled_nats": optimum.final,
         "pooled_best_nats": optimum.best,
+        "pooled_best_success": game.judge.imitation(policy_of(game, optimum.stopped), 0).success_rate,
         "expert_nats": float(log_likelihoods(game, experts, problem.held_out).mean()),
     }
     judged = _Judged(problem, game, experts, touch_without(game))
