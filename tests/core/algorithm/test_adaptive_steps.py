@@ -19,7 +19,7 @@ RULE, MASS = AdaptiveSteps(), 16.0
 COUNTS = Counts(theta=True, omega=True)
 SIGNED = Counts(theta=False, omega=False)
 MIXED = Counts(theta=False, omega=True)
-PRIORS = {"theta": 0.03, "omega": 0.001}
+PRIORS = {"theta": 0.1, "omega": 0.001}
 
 every_kind = pytest.mark.parametrize("counts", [COUNTS, SIGNED, MIXED, Counts(True, False)])
 
@@ -71,7 +71,7 @@ def literal_steps(estimates: list[GradientEstimate]) -> list[dict[str, list[floa
             for k, (e, m) in enumerate(pairs):
                 key, c = (name, k), PRIORS[name]
                 if name in counted:
-                    a = 0.45 / (1 + n / 10) ** 0.75 / max(1.0, active)
+                    a = 0.6 / (1 + n / 10) ** 0.75 / max(1.0, active)
                     g = log((e + c / n) / (m + c / n))
                     momenta[key] = 0.7 * momenta.get(key, 0.0) + 0.3 * a * g
                     step[name].append(momenta[key])
@@ -164,7 +164,7 @@ def test_an_omega_that_is_never_shown_soon_costs_more_than_such_a_theta() -> Non
         Parameters(np.array([0.1, 5.0]), np.full(1, 0.1)),
     )
     (step,) = steps_of([estimate(expected, never)])
-    assert step.omega[0] > 3 * step.theta[0] > 0
+    assert step.omega[0] > 5 * step.theta[0] > 0
 
 
 def test_rounding_below_zero_counts_as_nothing() -> None:

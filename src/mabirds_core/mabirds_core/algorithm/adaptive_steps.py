@@ -4,7 +4,7 @@ Where the entries of e = E_pi sum gamma^t f and of m, the same of the demonstrat
 never negative, weighed linearly), a coordinate's direction is that of iterative scaling (Darroch and Ratcliff, 1972),
 
     g = log( (e + c/n) / (m + c/n) ),        M <- .7 M + .3 a(n) g,      step = M,
-    a(n) = .45 / (1 + n/10)^.75 / max(1, features that are active per step and expert)
+    a(n) = .6 / (1 + n/10)^.75 / max(1, features that are active per step and expert)
 
 which has no unit and no scale: twice as many visits as demonstrated are answered alike in a busy and in a lonely cell.
 c/n is a prior of visits that were not demonstrated. It is small for omega, so that what is never shown soon costs, and
@@ -31,10 +31,10 @@ from mabirds_core.arithmetic import log, power
 from mabirds_core.arrays import Vector
 from mabirds_core.settings import Settings
 
-PRIOR = {"theta": 0.03, "omega": 0.001}
+PRIOR = {"theta": 0.1, "omega": 0.001}
 """c: discounted visits."""
 
-RATE, SLOWER_AFTER, DECAY, MOMENTUM = 0.45, 10.0, 0.75, 0.7
+RATE, SLOWER_AFTER, DECAY, MOMENTUM = 0.6, 10.0, 0.75, 0.7
 """Of the ratios."""
 
 MIN_ACTIVE = 1.0
