@@ -77,8 +77,8 @@ class MonitorNode(NetworkNode):
         self._fetch: dict[str, Client] = {}
         self._declared: set[str] = set()
         self._members: dict[int, list[str]] = {}
-        digest, secured = self._admission.digest, is_requested([])
-        self._service = topics.of_run(topics.FETCH_PARAMETERS, run, digest, secured=secured)
+        self.digest, secured = self._admission.digest, is_requested([])
+        self._service = topics.of_run(topics.FETCH_PARAMETERS, run, self.digest, secured=secured)
         if experiment.mixing.declares_members:
             self._membership_publisher = self.create_publisher(Membership, topics.MEMBERSHIP, latched(1))
             self.create_subscription(Membership, topics.MEMBERSHIP, self._on_membership, latched(DEPTH))
@@ -228,14 +228,22 @@ class MonitorNode(NetworkNode):
 
     @property
     def finished(self) -> bool:
-        """Has every learner made all updates and closing rounds, and has the result of the last one arrived?"""
+        """Has every learner made all updates and closing rounds, and has the result of the last one arrived?
+
+        Of whom nothing is heard in this life, what an earlier one wrote down counts.
+        """
         last = self._admission.last
         names = self.taking_part()
         return (
             bool(names)
             and all(last in self.parameters[name] and not self._missing(name) for name in names)
-            and all(name in self.statuses and self.statuses[name].state == LearnerStatus.FINISHED for name in names)
+            and all(self._has_finished(name) for name in names)
         )
+
+    def _has_finished(self, name: str) -> bool:
+        if name in self.statuses:
+            return bool(self.statuses[name].state == LearnerStatus.FINISHED)
+        return self.kept.knows_mixed(name, self._admission.last - 1)
 
     def consensus(self) -> tuple[int, float, float] | None:
         """(n, distance in theta, distance in omega) at the newest iteration known of all learners."""
