@@ -37,8 +37,10 @@ class Halves:
     hz: float = 20.0
     parts: Mapping[str, Sequence[str]] = field(default_factory=lambda: HALVES)
     running: dict[str, "subprocess.Popen[str]"] = field(default_factory=dict)
+    environments: dict[str, dict[str, str]] = field(default_factory=dict)
+    """By host, what its processes have besides this one's."""
 
-    def start(self, host: str, *arguments: object, **environment: str) -> None:
+    def start(self, host: str, *arguments: object) -> None:
         """``mabirds run`` on a host, its output after what it said before."""
         command = [MABIRDS, "run", *map(str, arguments), "--out", str(self.directory / host)]
         with self._output(host).open("a", encoding="utf-8") as output:
@@ -47,13 +49,13 @@ class Halves:
                 stdout=output,
                 stderr=output,
                 text=True,
-                env={**os.environ, **environment},
+                env={**os.environ, **self.environments.get(host, {})},
             )
 
-    def start_part(self, host: str, file: Path, *options: str, **environment: str) -> None:
+    def start_part(self, host: str, file: Path, *options: str) -> None:
         """The command of a host, the same each time."""
         only = [word for name in self.parts[host] for word in ("--only", name)]
-        self.start(host, file, "--hz", self.hz, "--run", "monday", *only, *options, **environment)
+        self.start(host, file, "--hz", self.hz, "--run", "monday", *only, *options)
 
     def _output(self, host: str) -> Path:
         return self.directory / f"{host}.txt"

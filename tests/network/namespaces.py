@@ -135,6 +135,10 @@ class VirtualLan:
             f"iifname != {ports} oifname {ports} goto cut",
         )
 
+    def rejoin(self) -> None:
+        """End a partition."""
+        self._fault("partition")
+
     def lose(self, share: float) -> None:
         """Drop this share of all frames of UDP, in both directions, independently of one another.
 
