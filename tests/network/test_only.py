@@ -52,7 +52,7 @@ def test_two_halves_complete_and_agree(make_experiment: Callable[..., Path], tmp
 
 
 @on_hosts
-def test_halves_of_different_experiments_refuse_with_both_digests(
+def test_halves_of_different_experiments_refuse_and_name_the_setting(
     make_experiment: Callable[..., Path], halves: Halves
 ) -> None:
     file = make_experiment(**settings())
@@ -66,6 +66,8 @@ def test_halves_of_different_experiments_refuse_with_both_digests(
         output = halves.said(host)
         assert all(digest in output for digest in digests), output
         assert "start all hosts with the same experiment file and the same --run" in output
+    assert "seed is 4 there and 3 here" in halves.said("left")
+    assert "seed is 3 there and 4 here" in halves.said("right")
 
 
 @on_hosts

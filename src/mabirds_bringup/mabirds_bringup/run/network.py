@@ -18,7 +18,7 @@ from mabirds_bringup.run import processes
 from mabirds_bringup.run.farewell import SHUTDOWN_TIMEOUT, Farewell
 from mabirds_bringup.run.recording import Recording
 from mabirds_bringup.run.supervisor import Supervisor
-from mabirds_bringup.watch.monitor import MonitorNode
+from mabirds_bringup.watch.monitor import OTHER_EXPERIMENT, MonitorNode
 from mabirds_bringup.watch.watched_history import DIRECTORY
 from mabirds_core.consensus.schedule import DeliveredEdges
 from mabirds_core.errors import ExperimentError, MabirdsError
@@ -33,9 +33,6 @@ PLAYER = "expert_player"
 
 KEY = "declaration.key"
 """Name of the file with the key of declarations, in a run directory."""
-
-DIFFERENT = ("wrong_experiment", "wrong_schedule")
-"""Reasons for which a monitor refuses what learners of its own experiment's names say."""
 
 TICK = 0.1
 """Seconds after which the children are looked at, even if no message comes."""
@@ -132,9 +129,9 @@ class Network:
                         on_tick(monitor, supervisor, news)
                         if moved := addresses.changed():
                             raise HostMovedError(f"{moved}; go on by `mabirds run --resume {self.directory}`")
-                        if difference := self._difference(monitor):
+                        if self._difference(monitor):
                             _spin_for(SHUTDOWN_TIMEOUT, executor)  # other hosts are to hear of it, too
-                            raise ExperimentError(difference)
+                            raise ExperimentError(self._difference(monitor))
                     on_tick(monitor, supervisor, farewell.last_words())
                 return self._result(monitor)
         finally:
@@ -170,9 +167,10 @@ class Network:
 
     def _difference(self, monitor: MonitorNode) -> str | None:
         """How another host's experiment differs from this one; of other runs in this domain it may."""
-        for reason in DIFFERENT if self.only else ():
+        for reason in OTHER_EXPERIMENT if self.only else ():
             if words := monitor.refusals.get(reason):
-                return f"{words}; start all hosts with the same experiment file and the same --run"
+                told = f". {monitor.differences()}" if monitor.differences() else ""
+                return f"{words}; start all hosts with the same experiment file and the same --run{told}"
         return None
 
     def _commands(self) -> dict[str, list[str]]:
