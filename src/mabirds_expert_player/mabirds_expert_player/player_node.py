@@ -38,7 +38,7 @@ from mabirds_expert_player.player_parameters import (
 )
 from mabirds_expert_player.player_status import player_status
 from mabirds_expert_player.read_ahead import ReadAhead
-from mabirds_expert_player.same_network import what_is_other
+from mabirds_expert_player.same_network import contradiction, what_is_other
 from mabirds_expert_player.stream import AckFilter, Stream
 from mabirds_msgs_py import diagnostics, topics
 from mabirds_msgs_py.bag_digest import require_digest
@@ -167,6 +167,8 @@ class ExpertPlayerNode(NetworkNode):
             return
         if not stream.ready and stream.looked_at:
             self._tell(f"{learner} learns here, from demonstration {learned + 1} on")
+        if not stream.ready and 0 < learned <= self._bag.count(learner):
+            self._publish(learner, learned)  # once more: by it the learner knows whether the bag is still the same
         stream.acknowledge(learned)
         if status.state == LearnerStatus.WAITING_FOR_DEMONSTRATION:
             for iteration in stream.missing(now, PATIENCE):
@@ -175,14 +177,9 @@ class ExpertPlayerNode(NetworkNode):
         self._play()
 
     def _report_contradiction(self, learner: str, claimed: int, learned: int | None) -> None:
-        believed = "nothing yet" if learned is None else learned
         others = self.count_publishers(f"{learner}/{topics.DEMONSTRATION}") > 1
-        why = "It was started again, or somebody else speaks in its name"
-        self.get_logger().warning(
-            f"{learner} says that it learned {claimed}, which contradicts what was sent or said before; believed:"
-            f" {believed}. {f'A second expert_player plays to {learner}; end all but one' if others else why}",
-            throttle_duration_sec=10.0,
-        )
+        words = contradiction(learner, claimed, learned, second_player=others)
+        self.get_logger().warning(words, throttle_duration_sec=10.0)
 
     def _possible(self, learner: str, status: LearnerStatus) -> bool:
         """Is the status from ``learner``, and within what there is to learn? Says so where it is not."""
