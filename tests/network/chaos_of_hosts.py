@@ -32,11 +32,11 @@ STEPS = (-86400.0, -3600.0, -30.0, -0.5, 0.5, 30.0, 3600.0, 86400.0)
 SHORT, LONG, RARELY = 0.4, 4.0, 1 / 16
 """Seconds at most for which something is suspended or cut; the long time, beyond the lease of liveliness, rarely."""
 
-GETTING_ON, STANDING = 0.15, 0.4
+GETTING_ON, STANDING = 0.1, 0.3
 """Seconds between two faults where the run has got on since the last one, and where it has not."""
 
-PATIENCE = 60.0
-"""Seconds without a new checkpoint after which a run hangs."""
+BREATH, PATIENCE = 15.0, 75.0
+"""Seconds without a new checkpoint after which a run is left in peace until it gets on, and after which it hangs."""
 
 
 def deck(rng: random.Random, count: int) -> list[str]:
@@ -54,6 +54,7 @@ class Chaos:
         self._halves, self._file, self._rng = halves, file, rng
         self._clocks = {host: SteppedClock(halves.directory, host) for host in HALVES}
         self._ahead = dict.fromkeys(HALVES, 0.0)
+        self._got_on = time.monotonic()
         self._undo: list[tuple[float, Callable[[], None]]] = []
         self.done = Counter[str]()
         self.longest_pause, self._began, self._log = 0.0, time.monotonic(), list[str]()
@@ -67,7 +68,8 @@ class Chaos:
         for newest in self._moments():
             if not faults or newest >= last:
                 break
-            if time.monotonic() >= due or (newest > harmed_at and time.monotonic() > due - STANDING + GETTING_ON):
+            now, gets_on = time.monotonic(), newest > harmed_at
+            if now - self._got_on < BREATH and now >= due - (STANDING - GETTING_ON if gets_on else 0.0):
                 self._harm(faults.pop())
                 harmed_at, due = self._newest(), time.monotonic() + STANDING
         self._undo_until(float("inf"))
@@ -87,17 +89,18 @@ class Chaos:
 
     def _moments(self) -> Iterator[int]:
         """The newest iteration, over and over, while the run gets on and nobody ends but as asked."""
-        newest, since = self._newest(), time.monotonic()
+        newest, self._got_on = self._newest(), time.monotonic()
         while True:
             yield newest
             time.sleep(0.02)
             self._undo_until(time.monotonic())
             if (found := self._newest()) > newest:
-                newest, since = found, time.monotonic()
-            self.longest_pause = max(self.longest_pause, time.monotonic() - since)
+                newest, self._got_on = found, time.monotonic()
+            pause = time.monotonic() - self._got_on
+            self.longest_pause = max(self.longest_pause, pause)
             ended = {host: process.returncode for host, process in self._halves.running.items() if process.poll()}
             assert not ended, self._explained(f"ended by themselves: {ended}")
-            assert time.monotonic() - since < PATIENCE, self._explained(f"hangs at iteration {newest}")
+            assert pause < PATIENCE, self._explained(f"hangs at iteration {newest}")
 
     def _explained(self, words: str) -> str:
         return self._halves.explained("\n".join([words, *self._log[-40:]]))

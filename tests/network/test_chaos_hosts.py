@@ -33,7 +33,7 @@ def survive(
     def run(faults: int, seed: int, iterations: int, seconds: float = float("inf")) -> Counter[str]:
         rng, done, begin = random.Random(seed), Counter[str](), time.monotonic()
         file, left = make_experiment(**settings(iterations)), deck(random.Random(seed), faults)
-        runs, pause = 0, 0.0
+        runs = 0
         while left and time.monotonic() - begin < seconds:
             runs += 1
             (tmp_path / f"run_{runs}").mkdir()
@@ -42,13 +42,12 @@ def survive(
                 chaos.run(left, last=iterations - 15)
                 halves.assert_all_whole(file)
             done += chaos.done
-            pause = max(pause, chaos.longest_pause)
-        with capsys.disabled():
-            print(  # noqa: T201 - for the log of CI
-                f"\n{done.total()} faults in {runs} runs of {iterations} iterations and"
-                f" {time.monotonic() - begin:.0f} s: {dict(done)}; longest pause {pause:.1f} s",
-                end="",
-            )
+            with capsys.disabled():
+                print(  # noqa: T201 - for the log of CI
+                    f"\nrun {runs}: {chaos.done.total()} faults, longest pause {chaos.longest_pause:.1f} s; in all"
+                    f" {done.total()} in {time.monotonic() - begin:.0f} s, {dict(done)}",
+                    end="",
+                )
         return done
 
     return run
