@@ -38,6 +38,7 @@ from mabirds_learner import baseline_node, learner_node
 from mabirds_msgs_py import qos, topics
 from mabirds_msgs_py.bag_writer import BagWriter
 from mabirds_msgs_py.environment import prepare_environment
+from mabirds_msgs_py.settings_inquiry import SETTINGS
 
 ROOT = Path(__file__).resolve().parents[1]
 PATROL = ROOT / "ros_ws" / "config" / "patrol.yaml"
@@ -224,7 +225,7 @@ def _parameters(node: Node) -> Iterator[tuple[str, str, str, str]]:
             for bounds in (*about.integer_range, *about.floating_point_range)
         ]
         shown = "" if value is None else code(str(value).lower() if isinstance(value, bool) else value)
-        default = "required" if name == "experiment" else shown
+        default = {"experiment": "required", SETTINGS: "those of the experiment"}.get(name, shown)
         change = "" if about.read_only else "; may change while the node runs"
         yield code(name), default, ", ".join(limits), about.description + change
 

@@ -105,9 +105,9 @@ def test_what_a_waiting_learner_lacks_is_sent_again_after_patience() -> None:
         play(stream, now)
     stream.acknowledge(1)
     assert list(stream.missing(now=3.0, patience=2.0)) == []
-    assert list(stream.missing(now=4.5, patience=2.0)) == [2, 3]
+    assert list(stream.missing(now=4.5, patience=2.0)) == [1, 2, 3]
     assert list(stream.missing(now=5.0, patience=2.0)) == [], "patience starts anew"
-    assert list(stream.missing(now=6.5, patience=2.0)) == [2, 3], "patience is over"
+    assert list(stream.missing(now=6.5, patience=2.0)) == [1, 2, 3], "patience is over"
 
 
 def test_of_what_a_waiting_learner_lacks_no_more_is_sent_again_than_it_has_room_for() -> None:
@@ -116,9 +116,9 @@ def test_of_what_a_waiting_learner_lacks_no_more_is_sent_again_than_it_has_room_
     assert list(stream.missing(now=9.0, patience=2.0)) == []
     stream.acknowledge(6)
     stream.acknowledge(3)
-    assert list(stream.missing(now=2.0, patience=2.0)) == [4, 5]
+    assert list(stream.missing(now=2.0, patience=2.0)) == [3, 4, 5]
     stream.acknowledge(5)
-    assert list(stream.missing(now=9.0, patience=2.0)) == [6]
+    assert list(stream.missing(now=9.0, patience=2.0)) == [5, 6]
     stream.acknowledge(6)
     assert list(stream.missing(now=20.0, patience=2.0)) == []
 

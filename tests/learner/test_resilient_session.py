@@ -15,6 +15,7 @@ from mabirds_core.errors import ExperimentError, RefusedMessageError
 from mabirds_core.experiment.assembly import build_learner
 from mabirds_core.experiment.file import Experiment, load_experiment
 from mabirds_core.experiment.simulate import simulate
+from mabirds_learner.learner_session import SHOWN
 from mabirds_learner.member import Limits
 from mabirds_learner.push_sum_member import PushSumMember
 
@@ -359,7 +360,7 @@ def test_a_checkpoint_holds_state_masses_and_membership(ring: Experiment, stream
     neighbours = ("learner_2", "learner_4")
     masses = {"mass", *(f"mass.{side}.{name}" for side in ("given", "taken") for name in neighbours)}
     own = {name for name in arrays if not name.startswith(("observed.", "steps."))}
-    assert own == {"theta", "omega", "epoch", "members", "taken_at", "mixed_from"} | masses
+    assert own == {"theta", "omega", "epoch", "members", "taken_at", "mixed_from", SHOWN} | masses
     assert arrays["mass"].shape == (arrays["theta"].size + arrays["omega"].size + 1,)
     assert arrays["mass.given.learner_2"].shape == (2, arrays["mass"].size)
     assert arrays["taken_at"].tolist() == [[1.0, 1.0], [3.0, 1.0]]

@@ -10,12 +10,12 @@ from identity import bits
 from sessions import Streams, demonstrations
 
 from mabirds_core.arrays import Array
-from mabirds_core.errors import CheckpointError, MabirdsError
+from mabirds_core.errors import CheckpointError, MabirdsError, RefusedMessageError
 from mabirds_core.experiment.assembly import build_learner
 from mabirds_core.experiment.file import Experiment, load_experiment
 from mabirds_core.experiment.simulate import History, simulate
 from mabirds_learner.checkpoint import LASTING, CheckpointMetadata, CheckpointStore
-from mabirds_learner.learner_session import LearnerSession
+from mabirds_learner.learner_session import OTHER_BAG, LearnerSession
 from mabirds_learner.member import Limits
 from mabirds_learner.strict_member import StrictMember
 
@@ -52,6 +52,35 @@ def advance(session: LearnerSession[StrictMember], streams: Streams, expected: H
     session.receive_demonstration(n, streams["learner_1"][n - 1])
     session.member.receive_parameters("learner_2", n, expected["learner_2"][n - 1])
     session.step()
+
+
+def test_demonstrations_of_another_bag_are_refused_until_the_first_one_is_back(
+    make_experiment: Callable[..., Path],
+) -> None:
+    """A player repeats what a learner says that it learned last; after a restart, too, it is known what that was."""
+    experiment = load_experiment(make_experiment())
+    streams = demonstrations(experiment)
+    expected = simulate(experiment, streams)
+    first = new_session(experiment)
+    advance(first, streams, expected)
+    advance(first, streams, expected)
+    session = new_session(experiment)
+    session.restore({3: first.arrays()})
+    other = next(
+        shown for shown in streams["learner_2"] if shown.actions.tobytes() != streams["learner_1"][1].actions.tobytes()
+    )
+    with pytest.raises(
+        RefusedMessageError, match="demonstration 2 is another one .* bring the first bag back"
+    ) as caught:
+        session.receive_demonstration(2, other)
+    assert caught.value.reason == OTHER_BAG
+    with pytest.raises(RefusedMessageError, match="bring the first bag back"):
+        session.receive_demonstration(3, streams["learner_2"][2])
+    with pytest.raises(RefusedMessageError, match="iteration 2, expected 3 or later"):
+        session.receive_demonstration(2, streams["learner_1"][1])
+    while not session.finished:
+        advance(session, streams, expected)
+    assert bits(session.parameters) == bits(expected["learner_1"][-1])
 
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)

@@ -133,7 +133,7 @@ def test_what_does_not_fit_is_refused_by_name(experiment: Experiment, iteration:
     target.step()
     target.receive_demonstration(2, streams[1])
     with pytest.raises(RefusedMessageError) as refused:
-        target.receive_demonstration(iteration, streams[1])
+        target.receive_demonstration(iteration, streams[0 if iteration == 1 else 1])
     assert refused.value.reason == reason
     assert target.backlog == 1
 

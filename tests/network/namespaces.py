@@ -18,10 +18,10 @@ import re
 import secrets
 import signal
 import subprocess
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
-from ipaddress import IPv4Network
+from dataclasses import dataclass, replace
+from ipaddress import IPv4Address, IPv4Network
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -98,8 +98,10 @@ class Traffic(NamedTuple):
 class VirtualLan:
     """Hosts by name and the switch between them. Its methods raise NamespaceError for a name that is no host's."""
 
-    hosts: Mapping[str, Host]
+    hosts: dict[str, Host]
     switch: str
+    free: Iterator[IPv4Address]
+    """Addresses that no host has had."""
 
     def inside(self, host: str, command: Sequence[str]) -> list[str]:
         """The command that runs ``command`` on a host; the process keeps its id, so signals reach it."""
@@ -109,6 +111,21 @@ class VirtualLan:
         """Pull a host's cable: nothing gets in or out, and its interface loses the carrier."""
         _ip(self.switch, f"link set dev {self._host(host).port} down")
 
+    def plug(self, host: str) -> None:
+        """Plug a host's cable in again."""
+        _ip(self.switch, f"link set dev {self._host(host).port} up")
+
+    def readdress(self, host: str) -> None:
+        """Give a host an address that nobody had, in the place of the one that it has."""
+        before = self._host(host)
+        self.hosts[host] = replace(before, address=str(next(self.free)))
+        _ip(
+            before.namespace,
+            f"address delete {before.address}/{NETWORK.prefixlen} dev eth0",
+            f"address add {self.hosts[host].address}/{NETWORK.prefixlen} dev eth0",
+            "route replace 224.0.0.0/4 dev eth0",
+        )
+
     def partition(self, part: Collection[str]) -> None:
         """Let nothing pass between these hosts and all others; nobody's interface notices."""
         ports = f"{{ {', '.join(self._host(name).port for name in part)} }}"
@@ -117,6 +134,10 @@ class VirtualLan:
             f"iifname {ports} oifname != {ports} goto cut",
             f"iifname != {ports} oifname {ports} goto cut",
         )
+
+    def rejoin(self) -> None:
+        """End a partition."""
+        self._fault("partition")
 
     def lose(self, share: float) -> None:
         """Drop this share of all frames of UDP, in both directions, independently of one another.
@@ -182,12 +203,12 @@ def virtual_lan(names: Sequence[str]) -> Iterator[VirtualLan]:
         switch = made.enter_context(_namespace(f"{stem}-switch"))
         _ip(switch, "link add name bridge type bridge mcast_snooping 0", "link set dev bridge up")
         _nft(switch, RULES)
-        hosts = {}
-        for number, (name, address) in enumerate(zip(names, NETWORK.hosts(), strict=False), start=1):
+        hosts, free = {}, NETWORK.hosts()
+        for number, (name, address) in enumerate(zip(names, free, strict=False), start=1):
             namespace = made.enter_context(_namespace(f"{stem}-host-{name}"))
             hosts[name] = Host(namespace, str(address), f"port{number}")
             _connect(switch, hosts[name])
-        yield VirtualLan(hosts, switch)
+        yield VirtualLan(hosts, switch, free)
 
 
 def obstacle() -> str | None:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from identity import assert_same_histories
+from identity import assert_same_histories, bits
 
 from mabirds_bringup.commands.simulate import simulate_from_bag
 from mabirds_bringup.run.stored_run import load_run
@@ -20,10 +20,13 @@ from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.experiment.assembly import build_learner
 from mabirds_core.experiment.file import load_experiment
 from mabirds_expert_player.recorder import record
+from mabirds_learner.learner_session import OTHER_BAG
 from mabirds_learner.parameters_log import ParametersLog
 from mabirds_msgs_py.errors import BagError
 
 MABIRDS = str(Path(sys.executable).with_name("mabirds"))
+
+OTHER_SHOWN = {"bag": "bag", "experts": "soft", "seed": 7, "period": 1.0}
 
 Start = Callable[..., "subprocess.Popen[str]"]
 
@@ -185,6 +188,29 @@ def test_the_player_refuses_another_bag(make_experiment: Callable[..., Path], no
     file = make_experiment()
     with pytest.raises(BagError, match="other demonstrations .* than those with which this run began .0123"):
         nodes.player(file, bag_digest="0123")
+
+
+def test_learners_refuse_the_bag_of_a_player_that_was_started_by_hand(
+    make_experiment: Callable[..., Path], nodes: Any
+) -> None:
+    """It has their run and no digest to keep to; they know what they learned last, and go on with the first bag."""
+    file = make_experiment(iterations=12)
+    experiment = load_experiment(file)
+    other = make_experiment(name="other", iterations=12, change={"demonstrations": {**OTHER_SHOWN, "per_learner": 12}})
+    learners = [nodes.learner(file, name, status_period=0.2) for name in experiment.learners]
+    for bag, reached in ((file.with_name("bag"), 5), (other.with_name("bag"), 5), (file.with_name("bag"), 13)):
+        player = nodes.player(file, bag=str(bag), hz=10.0)
+        nodes.spin_until(lambda least=reached: all(learner.session.iteration >= least for learner in learners))
+        if bag.parent == other.parent:
+            nodes.spin_until(lambda: all(learner._drops[OTHER_BAG] for learner in learners))
+            nodes.spin_for(1.0)
+            assert {learner.session.iteration for learner in learners} <= {5, 6, 7}
+        nodes.executor.remove_node(player)
+        nodes.all.remove(player)
+        player.destroy_node()
+    reference = simulate_from_bag(experiment)
+    for learner in learners:
+        assert bits(learner.session.parameters) == bits(reference[learner.learner_name][-1])
 
 
 @pytest.mark.parametrize("option", ["--only", "no bag"])

@@ -1,15 +1,13 @@
 """One experiment started in two halves, each on a host of its own."""
 
 import json
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 import yaml
-from namespaces import VirtualLan, obstacle, virtual_lan
+from halves import HALVES, Halves, settings, two_halves
+from namespaces import obstacle
 
 from mabirds_bringup.commands.demonstrations import demonstrations_of
 from mabirds_bringup.commands.simulate import simulate_with_progress
@@ -21,51 +19,29 @@ from mabirds_msgs_py.environment import FASTDDS_PROFILE
 
 OBSTACLE = obstacle()
 on_hosts = pytest.mark.skipif(OBSTACLE is not None, reason=f"no network namespaces: {OBSTACLE}")
-MABIRDS = str(Path(sys.executable).with_name("mabirds"))
-HALVES = {"left": ["learner_1", "learner_2"], "right": ["learner_3", "expert_player"]}
-
-Run = Callable[[str, Path], "subprocess.Popen[str]"]
 
 
 @pytest.fixture
-def run_half(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Run]:
-    """A function that starts the half of a host with an experiment file; what is left at the end is killed."""
+def halves(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Halves]:
     monkeypatch.setenv("FASTRTPS_DEFAULT_PROFILES_FILE", str(FASTDDS_PROFILE))  # other tests keep to this host
-    started: list[subprocess.Popen[str]] = []
-
-    def run(lan: VirtualLan, host: str, file: Path) -> "subprocess.Popen[str]":
-        only = [part for name in HALVES[host] for part in ("--only", name)]
-        command = [MABIRDS, "run", str(file), "--hz", "20", "--run", "monday", "--out", str(tmp_path / host), *only]
-        command = lan.inside(host, command)
-        started.append(subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True))
-        return started[-1]
-
-    with virtual_lan(list(HALVES)) as lan:
-        yield lambda host, file: run(lan, host, file)
-        for process in started:
-            process.terminate()
-        for process in started:
-            process.communicate(timeout=20)
-
-
-def settings() -> dict[str, Any]:
-    return {"learners": 3, "iterations": 10, "schedule": {"kind": "directed_ring"}}
+    with two_halves(tmp_path) as made:
+        yield made
 
 
 @on_hosts
-def test_two_halves_complete_and_agree(make_experiment: Callable[..., Path], tmp_path: Path, run_half: Run) -> None:
+def test_two_halves_complete_and_agree(make_experiment: Callable[..., Path], tmp_path: Path, halves: Halves) -> None:
     """The left host has no bag, as it has no player: it cannot test constraints and tells them by the threshold."""
     files = {"right": make_experiment(**settings()), "left": tmp_path / "without_bag.yaml"}
     content = yaml.safe_load(files["right"].read_text(encoding="utf-8"))
     content["demonstrations"]["bag"] = "nowhere"
     files["left"].write_text(yaml.safe_dump(content), encoding="utf-8")
-    halves = {host: run_half(host, files[host]) for host in HALVES}
+    for host, file in files.items():
+        halves.start_part(host, file)
     experiment = load_experiment(files["right"])
     streams = demonstrations_of(experiment)
     history = simulate_with_progress(experiment, streams, None)
-    for host, process in halves.items():
-        output, _ = process.communicate(timeout=60)
-        assert process.returncode == 0, output
+    for host in HALVES:
+        assert halves.end(host) == 0, halves.explained(f"{host} failed")
         found = json.loads((tmp_path / host / "latest" / "summary.json").read_text(encoding="utf-8"))
         expected = summary(experiment, evaluate(experiment, history, streams if host == "right" else {}), 0.0)
         assert found["complete"]
@@ -76,18 +52,36 @@ def test_two_halves_complete_and_agree(make_experiment: Callable[..., Path], tmp
 
 
 @on_hosts
-def test_halves_of_different_experiments_refuse_with_both_digests(
-    make_experiment: Callable[..., Path], run_half: Run
+def test_halves_of_different_experiments_refuse_and_name_the_setting(
+    make_experiment: Callable[..., Path], halves: Halves
 ) -> None:
     file = make_experiment(**settings())
     other = file.with_name("other.yaml")
     other.write_text(yaml.safe_dump({**yaml.safe_load(file.read_text(encoding="utf-8")), "seed": 4}), encoding="utf-8")
     digests = [load_experiment(one).run_digest("monday") for one in (file, other)]
-    for process in [run_half("left", file), run_half("right", other)]:
-        output, _ = process.communicate(timeout=60)
-        assert process.returncode == 2, output
+    halves.start_part("left", file)
+    halves.start_part("right", other)
+    for host in HALVES:
+        assert halves.end(host) == 2
+        output = halves.said(host)
         assert all(digest in output for digest in digests), output
         assert "start all hosts with the same experiment file and the same --run" in output
+    assert "seed is 4 there and 3 here" in halves.said("left")
+    assert "seed is 3 there and 4 here" in halves.said("right")
+
+
+@on_hosts
+def test_halves_that_are_killed_at_the_end_still_hear_all(make_experiment: Callable[..., Path], halves: Halves) -> None:
+    """A half that has everything is there for the other; killed, it is there again by the same command."""
+    file = make_experiment(**settings())
+    for host in HALVES:
+        halves.start_part(host, file)
+    halves.wait(lambda: any("all is here" in halves.said(host) for host in HALVES))
+    halves.stop()
+    halves.start_part("right", file)
+    halves.wait(lambda: "going on with" in halves.said("right"))
+    halves.start_part("left", file)
+    halves.assert_all_whole(file)
 
 
 def test_a_node_that_the_experiment_does_not_have_is_refused(

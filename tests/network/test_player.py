@@ -161,6 +161,16 @@ def test_a_learner_of_another_game_gets_nothing(nodes: Any, file: Path, capfd: p
     assert "learner_1 has another game: digest another game, here" in "".join(capfd.readouterr())
 
 
+def test_the_setting_that_a_learner_has_otherwise_is_named(
+    nodes: Any, file: Path, make_experiment: Callable[..., Path], capfd: pytest.CaptureFixture[str]
+) -> None:
+    nodes.player(file)
+    nodes.learner(make_experiment(name="other", iterations=30, change={"seed": 4}), "learner_1", run="tuesday")
+    said = [""]
+    words = 'run is "tuesday" there and "" here; seed is 4 there and 3 here'
+    nodes.spin_until(lambda: said.append(said[-1] + "".join(capfd.readouterr())) or words in said[-1], timeout=8.0)
+
+
 def test_it_is_done_when_everything_is_acknowledged(nodes: Any, file: Path, learners: PretendLearners) -> None:
     player = nodes.player(file, hz=1000.0, max_in_flight=30)
     for name in ("learner_1", "learner_2"):

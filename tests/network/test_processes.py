@@ -56,6 +56,20 @@ def test_the_player_ends_cleanly_when_asked(
     assert "Traceback" not in output
 
 
+@pytest.mark.parametrize("command", [learner_command, player_command])
+def test_one_alone_says_so_within_five_seconds(
+    make_experiment: Callable[..., Path], start_process: Start, ros_domain: int, command: Callable[..., list[str]]
+) -> None:
+    """A learner or a player in the wrong ROS domain."""
+    file = make_experiment()
+    process = start_process(player_command(file, {}) if command is player_command else command("learner_1", file))
+    assert process.stdout
+    begin = time.monotonic()
+    said = next(line for line in process.stdout if f"nobody heard in ROS domain {ros_domain}" in line)
+    assert "compare ROS_DOMAIN_ID" in said
+    assert time.monotonic() - begin < 5 + 3  # and what a process takes to start
+
+
 def bad_learner(file: Path, **_: Any) -> list[str]:
     return learner_command("learner_9", file)
 

@@ -18,9 +18,9 @@ from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock as ClockMessage
 
-from mabirds_core.digest import arithmetic_differs
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.assembly import build_game, method_names
+from mabirds_core.experiment.differences import settings_lines
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.texts import truncate
 from mabirds_expert_player.diagnostics import playing_diagnostic
@@ -38,6 +38,7 @@ from mabirds_expert_player.player_parameters import (
 )
 from mabirds_expert_player.player_status import player_status
 from mabirds_expert_player.read_ahead import ReadAhead
+from mabirds_expert_player.same_network import contradiction, what_is_other
 from mabirds_expert_player.stream import AckFilter, Stream
 from mabirds_msgs_py import diagnostics, topics
 from mabirds_msgs_py.bag_digest import require_digest
@@ -49,6 +50,8 @@ from mabirds_msgs_py.node_main import run_node
 from mabirds_msgs_py.player_services import RESEND, STATUS
 from mabirds_msgs_py.qos import STATUS_QOS, latched
 from mabirds_msgs_py.ros_parameters import experiment_of
+from mabirds_msgs_py.settings_inquiry import SettingsInquiry
+from mabirds_msgs_py.solitude import Solitude, nobody_heard
 
 PATIENCE = 2.0
 """Seconds after which a demonstration that a waiting learner does not acknowledge is sent again.
@@ -66,6 +69,9 @@ STATUS_DEPTH = 10
 
 BATCH = 64
 """Demonstrations that are sent before anybody else is listened to."""
+
+ALONE = 3.5
+"""Seconds after which a player says that nobody is there."""
 
 SPEEDS = ("rate", "hz")
 
@@ -92,6 +98,8 @@ class ExpertPlayerNode(NetworkNode):
         if self._value("baseline") not in ("", *method_names()):
             raise ExperimentError(f"baseline {self._value('baseline')!r}: expected one of {method_names()}, or nothing")
         self._game = build_game(experiment)
+        self._inquiry = SettingsInquiry(self, settings_lines(experiment, self._value("run")))
+        self._solitude = Solitude(ALONE)
         self._totals = dict.fromkeys(experiment.learners, experiment.iterations)
         self._learners = chosen_learners(self, experiment.learners)
         self._bag = self._open_bag(experiment)
@@ -104,7 +112,7 @@ class ExpertPlayerNode(NetworkNode):
         self._status_publisher = self.create_publisher(PlayerStatus, f"~/{STATUS}", STATUS_QOS)
         self._diagnostics_publisher = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, diagnostics.DEPTH)
         self._timer = self.create_timer(IDLE, self._play)
-        self.create_timer(diagnostics.PERIOD, self._publish_standing)
+        self.create_timer(diagnostics.PERIOD, self._on_timer)
         self._publish_clock()
         self.add_post_set_parameters_callback(self._on_parameters)
         self.control = PlayerControl(self, self.playback, self._play, self._tell)
@@ -144,10 +152,8 @@ class ExpertPlayerNode(NetworkNode):
         return self.get_parameter(name).value
 
     def _connect(self, learner: str) -> Any:
-        acknowledging = self._value("baseline") or learner
-        self.create_subscription(
-            LearnerStatus, f"{acknowledging}/{topics.STATUS}", partial(self._on_status, learner), latched(STATUS_DEPTH)
-        )
+        topic = f"{self._node_of(learner)[0]}/{topics.STATUS}"
+        self.create_subscription(LearnerStatus, topic, partial(self._on_status, learner), latched(STATUS_DEPTH))
         return self.create_publisher(Demonstration, f"{learner}/{topics.DEMONSTRATION}", latched(HISTORY))
 
     def _on_status(self, learner: str, status: LearnerStatus) -> None:
@@ -161,6 +167,8 @@ class ExpertPlayerNode(NetworkNode):
             return
         if not stream.ready and stream.looked_at:
             self._tell(f"{learner} learns here, from demonstration {learned + 1} on")
+        if not stream.ready and 0 < learned <= self._bag.count(learner):
+            self._publish(learner, learned)  # once more: by it the learner knows whether the bag is still the same
         stream.acknowledge(learned)
         if status.state == LearnerStatus.WAITING_FOR_DEMONSTRATION:
             for iteration in stream.missing(now, PATIENCE):
@@ -169,12 +177,9 @@ class ExpertPlayerNode(NetworkNode):
         self._play()
 
     def _report_contradiction(self, learner: str, claimed: int, learned: int | None) -> None:
-        believed = "nothing yet" if learned is None else learned
-        self.get_logger().warning(
-            f"{learner} says that it learned {claimed}, which contradicts what was sent or said before; believed:"
-            f" {believed}. It was started again, or somebody else speaks in its name",
-            throttle_duration_sec=10.0,
-        )
+        others = self.count_publishers(f"{learner}/{topics.DEMONSTRATION}") > 1
+        words = contradiction(learner, claimed, learned, second_player=others)
+        self.get_logger().warning(words, throttle_duration_sec=10.0)
 
     def _possible(self, learner: str, status: LearnerStatus) -> bool:
         """Is the status from ``learner``, and within what there is to learn? Says so where it is not."""
@@ -190,22 +195,21 @@ class ExpertPlayerNode(NetworkNode):
 
     def _same_network(self, learner: str, status: LearnerStatus) -> bool:
         """Does the learner run the same game, experiment and schedule? Says so where it does not."""
-        expected = {
+        digests = {
             "game": (status.game_digest, self._game.digest),
             "experiment": (status.experiment_digest, self._experiment_digest),
             "schedule": (status.schedule_digest, self._schedule_digest),
         }
-        different = {name: pair for name, pair in expected.items() if pair[0] != pair[1]}
-        for name, (theirs, ours) in different.items():
-            self.get_logger().error(
-                f"{learner} has another {name}: "
-                + (
-                    arithmetic_differs(theirs, ours)
-                    or f"digest {truncate(theirs)}, here {ours}; start both with the same experiment file and run"
-                ),
-                throttle_duration_sec=10.0,
-            )
-        return not different
+        other = ", ".join(what_is_other(digests))
+        if other:
+            found = self._inquiry.words(*self._node_of(learner))
+            words = f"{learner} has {other}; start both with the same experiment file and run. {found}"
+            self.get_logger().error(words, throttle_duration_sec=3.0)
+        return not other
+
+    def _node_of(self, learner: str) -> tuple[str, str]:
+        """Namespace and name of the node that learns in a learner's place, or is it."""
+        return (self._value("baseline"), "baseline") if self._value("baseline") else (learner, "learner")
 
     def _play(self) -> None:
         """Send what is due and permitted, then set the timer to the next due time."""
@@ -278,6 +282,12 @@ class ExpertPlayerNode(NetworkNode):
         """Tell people what was done, in the log and in the status."""
         self.answers, self.answer = self.answers + 1, words
         self.get_logger().info(words)
+        self._publish_standing()
+
+    def _on_timer(self) -> None:
+        anybody = any(self.count_publishers(f"{self._node_of(name)[0]}/{topics.STATUS}") for name in self._learners)
+        if self._solitude.begins(anybody=anybody or self._value("listeners")):
+            self.get_logger().warning(nobody_heard("a learner nor another listener"))
         self._publish_standing()
 
     def _publish_standing(self) -> None:

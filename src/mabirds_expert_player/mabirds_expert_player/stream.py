@@ -126,7 +126,9 @@ class Stream:
         return self.sent
 
     def missing(self, now: float, patience: float) -> range:
-        """What was sent and is still not acknowledged by a learner that waits.
+        """What was sent and is still not acknowledged by a learner that waits, after the last that is.
+
+        By the last one a learner that was sent another in this name knows that this is the bag that it learned from.
 
         Parameters
         ----------
@@ -143,7 +145,7 @@ class Stream:
         if self.sent <= self.acknowledged or now - self.last_sent_at < patience:
             return range(0)
         self.last_sent_at = now
-        return range(self.acknowledged + 1, min(self.sent, self.acknowledged + self.max_in_flight) + 1)
+        return range(max(self.acknowledged, 1), min(self.sent, self.acknowledged + self.max_in_flight) + 1)
 
 
 @dataclass

@@ -13,7 +13,8 @@ from mabirds_core.algorithm.learner import Learner, LearnerState
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.algorithm.storage import parameters_of, to_arrays
 from mabirds_core.arrays import Array, Vector
-from mabirds_core.errors import CheckpointError
+from mabirds_core.digest import arrays_digest
+from mabirds_core.errors import CheckpointError, RefusedMessageError
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.metrics.metrics import norms
 from mabirds_core.planners.interface import Policy
@@ -26,6 +27,12 @@ DEMONSTRATION = "demonstration"
 
 MIXED_FROM = "mixed_from"
 """Name of the array of those whose parameters entered the newest update, in a checkpoint."""
+
+SHOWN = "last_demonstration_sha256"
+"""Name of the array with the digest of zeta(n - 1), in a checkpoint."""
+
+OTHER_BAG = "other_bag"
+"""Reason for which demonstrations are refused: a player has repeated the last learned one with other content."""
 
 LIKELIHOOD = "held_out_log_likelihood"
 """Name of the metric, in nats, of the demonstration that an update is about to learn from."""
@@ -58,6 +65,8 @@ class LearnerSession(SessionState, Generic[AMember]):
         self.mixed_from: list[str] = []
         self._learners = member.learner.mixer.schedule.learners
         self._demonstrations: dict[int, Trajectories] = {}
+        self._shown: dict[int, Array] = {}
+        self._of_other_bag = False
         self._own: dict[int, Parameters] = {self.iteration: self.parameters}
         member.on_join = self._on_join
 
@@ -122,8 +131,16 @@ class LearnerSession(SessionState, Generic[AMember]):
         Raises
         ------
         RefusedMessageError
-            It is old, known, or too far ahead.
+            It is old, known, or too far ahead, or its player has another bag than the one that was learned from.
         """
+        if iteration in self._shown:
+            self._of_other_bag = bool((self._shown[iteration] != _digest(trajectory)).any())
+        if self._of_other_bag:
+            raise RefusedMessageError(
+                OTHER_BAG,
+                f"demonstration {self.iteration - 1} is another one than the one that was learned: bring the first bag"
+                " back, or start another run",
+            )
         ahead = min(self.limits.demonstration_history, self.limits.iterations + 1 - self.iteration)
         check_iteration(iteration, self.iteration, self._demonstrations, ahead, trajectory)
         self._demonstrations[iteration] = trajectory
@@ -136,6 +153,7 @@ class LearnerSession(SessionState, Generic[AMember]):
         else:
             result = self.learner.step(self.state, self._demonstrations[n], incoming)
             self.member.state = result.state
+            self._shown = {n: _digest(self._demonstrations[n])}
             metrics = {f"gradient_{name}": value for name, value in norms(result.gradient).items()}
             metrics |= self._likelihood(result.estimate.policy, self._demonstrations[n])
             metrics |= self._certificate(result.estimate.policy)
@@ -182,6 +200,7 @@ class LearnerSession(SessionState, Generic[AMember]):
 
     def _on_join(self) -> None:
         """What others learned before this learner joined is not its to learn."""
+        self._shown = {}
         self._close_iteration(self.iteration - 1)
 
     def _close_iteration(self, iteration: int) -> None:
@@ -194,7 +213,9 @@ class LearnerSession(SessionState, Generic[AMember]):
     def arrays(self) -> dict[str, Array]:
         """What a checkpoint must hold to go on from here."""
         mixed_from = {MIXED_FROM: indices_of(self._learners, self.mixed_from)}
-        return {**to_arrays(self.learner, self.state), **self.member.arrays(), **mixed_from}
+        last = self._shown.get(self.iteration - 1)
+        shown = {} if last is None else {SHOWN: last}
+        return {**to_arrays(self.learner, self.state), **self.member.arrays(), **mixed_from, **shown}
 
     def restore(self, checkpoints: Checkpoints) -> None:
         """Go on from the newest complete checkpoint; all of them answer neighbours.
@@ -213,11 +234,17 @@ class LearnerSession(SessionState, Generic[AMember]):
         newest = max(complete)
         self.member.restore(newest, checkpoints[newest])
         self.mixed_from = names_at(self._learners, checkpoints[newest][MIXED_FROM])
+        self._shown = {newest - 1: checkpoints[newest][SHOWN]} if SHOWN in checkpoints[newest] else {}
 
     @property
     def kept(self) -> Mapping[int, Parameters]:
         """theta(n), omega(n) of this learner by n, the oldest first, for those who missed them."""
         return self._own
+
+
+def _digest(demonstration: Trajectories) -> Array:
+    """SHA-256 of states and actions, shape (32,)."""
+    return np.frombuffer(bytes.fromhex(arrays_digest(demonstration)), dtype=np.uint8)
 
 
 def is_complete(arrays: Mapping[str, Array]) -> bool:

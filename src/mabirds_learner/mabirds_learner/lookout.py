@@ -1,15 +1,15 @@
 """Who else is there, or nobody: what the ROS graph tells a learner that its messages do not."""
 
-import os
-import time
 from collections.abc import Callable
 from typing import NamedTuple
+
+from mabirds_msgs_py.solitude import Solitude, nobody_heard
 
 LOOKS = 3
 """In a row that must agree: processes that end leave the graph later than those that take their place enter it."""
 
-ALONE = 4.0
-"""Seconds without anybody after which a process says so."""
+ALONE = 1.5
+"""Seconds without anybody after which looks count for solitude; it is said within five."""
 
 
 class Sight(NamedTuple):
@@ -46,14 +46,13 @@ class Lookout:
     def __init__(self, name: str, look: Callable[[], Sight], say: Callable[[str], None]) -> None:
         self._name, self._look, self._say = name, look, say
         self._said, self._before = "", [""] * LOOKS
-        self._heard_at = time.monotonic()
+        self._solitude = Solitude(ALONE)
 
     def on_timer(self) -> None:
         """Look, and say what is new and lasts."""
         sight = self._look()
-        if sight.others:
-            self._heard_at = time.monotonic()
-        words = self._words(sight)
+        alone = self._solitude.lasts(anybody=sight.others > 0)
+        words = self._words(sight) or (nobody_heard("a player nor a neighbour") if alone else "")
         self._before = [*self._before[1:], words]
         if words != self._said and all(before == words for before in self._before):
             self._said = words
@@ -66,11 +65,5 @@ class Lookout:
         if sight.players > 1:
             return (
                 f"a second expert_player plays to {self._name}, unless one was killed in the last 20 s; end all but one"
-            )
-        if not sight.others and time.monotonic() - self._heard_at > ALONE:
-            domain = os.environ.get("ROS_DOMAIN_ID") or "0"
-            return (
-                f"nobody heard in ROS domain {domain}, neither a player nor a neighbour; compare ROS_DOMAIN_ID,"
-                " ROS_AUTOMATIC_DISCOVERY_RANGE and the network link here and there"
             )
         return ""

@@ -12,6 +12,7 @@ from mabirds_msgs.msg import Parameters as ParametersMessage
 
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.errors import ExperimentError, RefusedMessageError
+from mabirds_core.experiment.differences import settings_lines
 from mabirds_core.games.interface import ConstrainedMarkovGame
 from mabirds_core.metrics.metrics import norms
 from mabirds_learner.diagnostics import HARMLESS, learning_diagnostic
@@ -22,6 +23,7 @@ from mabirds_msgs_py.network_node import NetworkNode
 from mabirds_msgs_py.qos import STATUS_QOS, announced, latched
 from mabirds_msgs_py.ros_parameters import declare_experiment, experiment_of, float_param, int_param
 from mabirds_msgs_py.security import is_requested
+from mabirds_msgs_py.settings_inquiry import declare_settings
 
 STATUSES_AN_ITERATION = 8
 """No more than these, as a rule: one for each arrival, one for the update, one for each second in between."""
@@ -62,6 +64,7 @@ class ProgressNode(NetworkNode):
         self.experiment, self.experiment_digest = experiment_of(self)
         self.schedule = self.experiment.edge_schedule
         run, secured = self.get_param("run"), is_requested([])
+        declare_settings(self, settings_lines(self.experiment, run))
         self.service_name = partial(topics.of_run, run=run, digest=self.experiment_digest, secured=secured)
         self._drops: Counter[str] = Counter()
         self._event = ""

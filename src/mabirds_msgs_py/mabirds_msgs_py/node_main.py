@@ -58,6 +58,7 @@ def run_node(create: Callable[[], Node], help_text: str, arguments: Sequence[str
         print(help_text)  # noqa: T201 - what --help is for
         return EXIT_FINISHED
     _end_with_supervisor()
+    addresses, told = AddressWatch(), False  # before the participant is made, which keeps those that there are
     try:
         start_ros(given)
     except MabirdsError as error:
@@ -67,7 +68,6 @@ def run_node(create: Callable[[], Node], help_text: str, arguments: Sequence[str
         node = create()
         require_known_parameters(node)
         executor.add_node(node)
-        addresses, told = AddressWatch(), False
         while rclpy.ok() and not getattr(node, "done", False):
             executor.spin_once(timeout_sec=IDLE_WAKE_UP)
             if not told and (words := addresses.changed()):

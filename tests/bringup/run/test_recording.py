@@ -43,6 +43,15 @@ def test_a_bag_without_an_end_is_repaired_when_a_run_goes_on(tmp_path: Path) -> 
     killed._stream.close()
 
 
+def test_a_bag_without_a_byte_is_removed_when_a_run_goes_on(tmp_path: Path) -> None:
+    (tmp_path / "bag").mkdir()
+    (tmp_path / "bag" / "bag_0.mcap").touch()
+    with Recording(tmp_path) as target:
+        fill(target, 3)
+    assert target.news == []
+    assert count(tmp_path / "bag") == 3
+
+
 def test_learning_goes_on_where_a_disk_is_full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(recording, "AGAIN", 0.0)
     full = True

@@ -11,6 +11,7 @@ import pytest
 
 from mabirds_bringup.run import supervisor as module
 from mabirds_bringup.run.supervisor import AT_ONCE, ProcessDiedError, Supervisor
+from mabirds_msgs_py.node_main import EXIT_MOVED
 
 SLEEPER = [sys.executable, "-c", "import time; time.sleep(60)"]
 
@@ -62,6 +63,13 @@ def test_a_killed_child_is_started_again(make: Make) -> None:
     news = look_until(supervisor, lambda: len(running(supervisor)) == 2)
     assert news == ["one ended with exit code -9 (SIGKILL); starting it again in 0.5 s (1 of 2)"]
     assert supervisor.children["one"].process is not first
+
+
+def test_a_child_whose_host_has_moved_is_started_again_however_often(make: Make) -> None:
+    supervisor, news = make({"one": ending_with(EXIT_MOVED)}, restarts=0), list[str]()
+    while len(news) < 3:
+        news += supervisor.poll((), never)
+    assert set(news) == {"one is started again, since addresses of this host have changed"}
 
 
 def test_pauses_double_and_the_last_death_ends_the_run(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:

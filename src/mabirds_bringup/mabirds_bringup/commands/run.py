@@ -1,5 +1,7 @@
 """``mabirds run``: the experiment as a network of processes."""
 
+import os
+import sys
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -17,7 +19,7 @@ from mabirds_bringup.console import console, ending_as_interrupted, guarded_outp
 from mabirds_bringup.evaluate.results import audit, write_unjudged
 from mabirds_bringup.run import run_directory
 from mabirds_bringup.run.certificate import certify
-from mabirds_bringup.run.network import PLAYER, Network, NetworkResult
+from mabirds_bringup.run.network import PLAYER, HostMovedError, Network, NetworkResult
 from mabirds_bringup.run.stored_run import NETWORK, RunPlan, StoredRun, begin, find_run, load_run, locked
 from mabirds_bringup.run.supervisor import Supervisor
 from mabirds_bringup.watch.live_table import live_table, plain_line
@@ -61,18 +63,32 @@ def run(  # noqa: PLR0913, PLR0917 - the options of a command
     Example: mabirds run ros_ws/config/patrol.yaml --rate 10
     """
     plan = RunPlan(name, _absolute(player), method, restarts, tuple(only or ()))
-    with guarded_output() as stdout, ending_as_interrupted():
-        if resume:
-            stored = _to_resume(load_run(resume.resolve()), file)
-        else:
-            stored = _named_or_new(file, plan, out)
-            if name and stored.summary().get("complete"):
+    try:
+        with guarded_output() as stdout, ending_as_interrupted():
+            stored = _to_resume(load_run(resume.resolve()), file) if resume else _named_or_new(file, plan, out)
+            if name and not resume and _has_all(stored):
                 console.print(f"{stored.directory} is complete; there is nothing to go on with", soft_wrap=True)
                 return _shown(stored.summary(), as_json, stdout)
-        player = {**stored.plan.player, **_absolute(player)}
-        with locked(stored.directory):
-            content = _run(stored, player, restarts)
-        return _shown(content, as_json, stdout)
+            player = {**stored.plan.player, **_absolute(player)}
+            with locked(stored.directory):
+                content = _run(stored, player, restarts)
+            return _shown(content, as_json, stdout)
+    except HostMovedError as error:
+        if stored.plan.method:
+            raise
+        return _go_on(error, [] if resume or name else ["--resume", stored.directory, "--restarts", restarts], as_json)
+
+
+def _has_all(stored: StoredRun) -> bool:
+    """Is a run complete, and are there no other hosts that may still have to hear of it?"""
+    return bool(stored.summary().get("complete")) and not stored.plan.only
+
+
+def _go_on(error: HostMovedError, arguments: Sequence[object], as_json: bool) -> int:
+    """Become a new process, by the same command unless there are ``arguments`` for another one."""
+    console.print(f"{error}: doing so", style="yellow", soft_wrap=True)
+    command = ["run", *map(str, arguments), *(["--json"] if as_json else [])] if arguments else sys.argv[1:]
+    os.execv(sys.executable, [sys.executable, "-m", "mabirds_bringup", *command])  # noqa: S606 - this program itself
 
 
 def _absolute(player: Mapping[str, Any]) -> dict[str, Any]:
@@ -125,7 +141,7 @@ def _named_or_new(file: Path | None, plan: RunPlan, out: Path) -> StoredRun:
     if strangers := sorted(set(plan.only) - {*experiment.learners, *filter(None, [plan.method]), PLAYER}):
         raise ExperimentError(f"--only {strangers[0]}: expected some of {[*experiment.learners, PLAYER]}")
     if found := find_run(out, experiment, plan) if plan.run else None:
-        return found if found.summary().get("complete") else _to_resume(found, None)
+        return found if _has_all(found) else _to_resume(found, None)
     bag_digest = digest_at_hand(experiment, file, plan.bags, needed=_plays(plan))
     return begin(out, experiment, file, bag_digest=bag_digest, plan=plan, method=plan.method)
 

@@ -4,7 +4,7 @@ import secrets
 import signal
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,12 +15,13 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
 from mabirds_bringup.run import processes
+from mabirds_bringup.run.farewell import SHUTDOWN_TIMEOUT, Farewell
 from mabirds_bringup.run.recording import Recording
 from mabirds_bringup.run.supervisor import Supervisor
-from mabirds_bringup.watch.monitor import MonitorNode
+from mabirds_bringup.watch.monitor import OTHER_EXPERIMENT, MonitorNode
 from mabirds_bringup.watch.watched_history import DIRECTORY
 from mabirds_core.consensus.schedule import DeliveredEdges
-from mabirds_core.errors import ExperimentError
+from mabirds_core.errors import ExperimentError, MabirdsError
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History
 from mabirds_msgs_py.addresses import AddressWatch
@@ -33,18 +34,23 @@ PLAYER = "expert_player"
 KEY = "declaration.key"
 """Name of the file with the key of declarations, in a run directory."""
 
-SHUTDOWN_TIMEOUT = 5.0
-"""Seconds in which those who stay hear what was said before somebody leaves."""
-
-DIFFERENT = ("wrong_experiment", "wrong_schedule")
-"""Reasons for which a monitor refuses what learners of its own experiment's names say."""
-
 TICK = 0.1
 """Seconds after which the children are looked at, even if no message comes."""
 
 
+OnTick = Callable[[MonitorNode, Supervisor, Sequence[str]], None]
+"""What is called at every tick of a run, with news of processes that died."""
+
+
 def _nothing(monitor: MonitorNode, supervisor: Supervisor, news: Sequence[str]) -> None:
     """Do nothing at a tick."""
+
+
+class HostMovedError(MabirdsError):
+    """The host has other addresses than when this process began, which can hear nobody from there.
+
+    Fast DDS looks at a host's addresses once in a process: another participant would not do.
+    """
 
 
 class NetworkResult(NamedTuple):
@@ -90,15 +96,15 @@ class Network:
         """Names of those who learn."""
         return (self.method,) if self.method else self.experiment.learners
 
-    def run(self, on_tick: Callable[[MonitorNode, Supervisor, Sequence[str]], None] = _nothing) -> NetworkResult:
+    def run(self, on_tick: OnTick = _nothing) -> NetworkResult:
         """Run until every learner has learned everything.
 
         ``on_tick`` is given the monitor, the supervisor and news of processes that died. Raises ProcessDiedError when
         a node ends early and may not be started again, and ExperimentError when another host of the same run has
         another experiment. All processes are stopped in any case.
         """
-        arguments = ["--ros-args", *enclave_arguments("/monitor")]
-        start_ros(arguments, signal_handler_options=SignalHandlerOptions.NO)
+        addresses = AddressWatch()  # before the participant is made, which keeps those that there are
+        start_ros(["--ros-args", *enclave_arguments("/monitor")], signal_handler_options=SignalHandlerOptions.NO)
         before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # end as on Ctrl-C: nothing left behind
         supervisor = Supervisor(self._commands(), self.directory / "logs", self.restarts, self._optional)
         try:
@@ -113,28 +119,33 @@ class Network:
                         return code == 0 and monitor.has_departed(name)
                     return code == 0 and _hear_out(executor, monitor)
 
-                addresses, moved = AddressWatch(), ""
-                while not monitor.finished:
-                    executor.spin_once(timeout_sec=TICK)
-                    news = [*supervisor.poll(monitor.statuses, is_done), *recording.news]
-                    recording.news.clear()
-                    if not moved and (moved := addresses.changed() or ""):
-                        news.append(f"{moved}: this supervisor may hear nobody; Ctrl-C, then `mabirds run --resume`")
-                    monitor.declare_without(supervisor.failed())
-                    on_tick(monitor, supervisor, news)
-                    if self._difference(monitor):
-                        break
-                if self.only:
-                    _spin_for(SHUTDOWN_TIMEOUT, executor)  # other hosts are to hear the last of this one, too
-                if difference := self._difference(monitor):
-                    raise ExperimentError(difference)
-                monitor.kept.fill_from(self.directory / "checkpoints")
-                departed = [name for name in self.names if name not in monitor.taking_part()]
-                return NetworkResult(monitor.history(), monitor.delivered(), monitor.mass_residual(), departed)
+                with closing(self._farewell(monitor)) as farewell:
+                    while not (monitor.finished and farewell.is_over()):
+                        executor.spin_once(timeout_sec=TICK)
+                        news = [*supervisor.poll(monitor.statuses, is_done), *recording.news, *farewell.news]
+                        recording.news.clear()
+                        farewell.news.clear()
+                        monitor.declare_without(supervisor.failed())
+                        on_tick(monitor, supervisor, news)
+                        if moved := addresses.changed():
+                            raise HostMovedError(f"{moved}; go on by `mabirds run --resume {self.directory}`")
+                        if self._difference(monitor):
+                            _spin_for(SHUTDOWN_TIMEOUT, executor)  # other hosts are to hear of it, too
+                            raise ExperimentError(self._difference(monitor))
+                    on_tick(monitor, supervisor, farewell.last_words())
+                return self._result(monitor)
         finally:
             supervisor.stop()
             signal.signal(signal.SIGTERM, before)
             rclpy.try_shutdown()
+
+    def _farewell(self, monitor: MonitorNode) -> Farewell:
+        return Farewell(self.only, [*self.names, PLAYER], monitor.digest)
+
+    def _result(self, monitor: MonitorNode) -> NetworkResult:
+        monitor.kept.fill_from(self.directory / "checkpoints")
+        departed = [name for name in self.names if name not in monitor.taking_part()]
+        return NetworkResult(monitor.history(), monitor.delivered(), monitor.mass_residual(), departed)
 
     @property
     def _optional(self) -> Sequence[str]:
@@ -156,9 +167,10 @@ class Network:
 
     def _difference(self, monitor: MonitorNode) -> str | None:
         """How another host's experiment differs from this one; of other runs in this domain it may."""
-        for reason in DIFFERENT if self.only else ():
+        for reason in OTHER_EXPERIMENT if self.only else ():
             if words := monitor.refusals.get(reason):
-                return f"{words}; start all hosts with the same experiment file and the same --run"
+                told = f". {monitor.differences()}" if monitor.differences() else ""
+                return f"{words}; start all hosts with the same experiment file and the same --run{told}"
         return None
 
     def _commands(self) -> dict[str, list[str]]:

@@ -35,6 +35,9 @@ class Recording:
         self._place = self._next_place()
 
     def _repair(self, bag: Path) -> None:
+        if not any(file.stat().st_size for file in bag.glob("*.mcap")):
+            shutil.rmtree(bag)  # killed before the first byte was written
+            return
         target = bag.with_name(f"{bag.name}.repaired")
         shutil.rmtree(target, ignore_errors=True)
         try:

@@ -10,6 +10,7 @@ from mabirds_bringup.exit_codes import BAD_INPUT
 from mabirds_bringup.run import processes
 from mabirds_bringup.run.processes import NodeProcess
 from mabirds_core.errors import MabirdsError
+from mabirds_msgs_py.node_main import EXIT_MOVED
 
 AT_ONCE = 8
 """Processes that may be starting at the same time: many at once take all processors and find each other late."""
@@ -85,6 +86,9 @@ class Supervisor:
     def _on_end(self, child: ManagedProcess, now: float) -> str:
         """Plan the restart of a child that died."""
         assert child.process is not None  # noqa: S101 - for the type checker
+        if child.process.exit_code == EXIT_MOVED:
+            child.due = now
+            return f"{child.name} is started again, since addresses of this host have changed"
         if now - child.started > HEALTHY:
             child.restarts = 0
         what = f"{child.name} ended {_how(child.process.exit_code)}"

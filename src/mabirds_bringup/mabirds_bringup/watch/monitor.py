@@ -15,6 +15,7 @@ from mabirds_bringup.watch.admission import EXPECTED, MessageValidator
 from mabirds_bringup.watch.watched_history import WatchedHistory
 from mabirds_core.consensus.schedule import DeliveredEdges
 from mabirds_core.errors import CheckpointError, RefusedMessageError
+from mabirds_core.experiment.differences import settings_lines
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History
 from mabirds_core.metrics.metrics import consensus_distance
@@ -25,10 +26,14 @@ from mabirds_msgs_py.network_node import NetworkNode
 from mabirds_msgs_py.presence import LivelinessMonitor
 from mabirds_msgs_py.qos import STATUS_QOS, announced, latched
 from mabirds_msgs_py.security import is_requested
+from mabirds_msgs_py.settings_inquiry import SettingsInquiry
 
 DEPTH = 10_000
 """The monitor must not lose what learners publish while it draws; writers keep less, so this costs nothing."""
 
+
+OTHER_EXPERIMENT = ("wrong_experiment", "wrong_schedule")
+"""Reasons for which what learners of an experiment's names say is refused where it is another one."""
 
 GAP_PERIOD, GAPS_AT_ONCE = 0.5, 32
 """Seconds between two looks at what was missed, and how much of it is asked for in one."""
@@ -69,6 +74,8 @@ class MonitorNode(NetworkNode):
         self._admission = MessageValidator(experiment, run, self.names)
         self.drops: Counter[str] = Counter()
         self.refusals: dict[str, str] = {}
+        self._inquiry = SettingsInquiry(self, settings_lines(experiment, run))
+        self._different: set[str] = set()
         self.kept = WatchedHistory(directory, self._admission.initial, experiment.learners, self._admission.digest)
         self.parameters = self.kept.parameters
         self.statuses: dict[str, LearnerStatus] = {}
@@ -77,8 +84,8 @@ class MonitorNode(NetworkNode):
         self._fetch: dict[str, Client] = {}
         self._declared: set[str] = set()
         self._members: dict[int, list[str]] = {}
-        digest, secured = self._admission.digest, is_requested([])
-        self._service = topics.of_run(topics.FETCH_PARAMETERS, run, digest, secured=secured)
+        self.digest, secured = self._admission.digest, is_requested([])
+        self._service = topics.of_run(topics.FETCH_PARAMETERS, run, self.digest, secured=secured)
         if experiment.mixing.declares_members:
             self._membership_publisher = self.create_publisher(Membership, topics.MEMBERSHIP, latched(1))
             self.create_subscription(Membership, topics.MEMBERSHIP, self._on_membership, latched(DEPTH))
@@ -179,11 +186,20 @@ class MonitorNode(NetworkNode):
             self._admission.status(name, message)
         except RefusedMessageError as error:
             self._drop(f"{topics.STATUS} of {name}", error)
+            if error.reason in OTHER_EXPERIMENT:
+                self._different.add(name)
+                self.differences()
             return
         self.statuses[name] = message
         if message.iteration > 1:
             self.kept.note_mixed(name, message.iteration - 1, message.mixed_from)
         self._record(name, topics.STATUS, message, nanoseconds(message.stamp))
+
+    def differences(self) -> str:
+        """In words, which settings learners of other experiments have otherwise, as far as they have told."""
+        kind = "learner" if set(self.names) <= set(self._experiment.learners) else "baseline"
+        told = {name: self._inquiry.words(name, kind) for name in sorted(self._different)}
+        return ". ".join(f"{name}: {words}" for name, words in told.items() if words)
 
     def _on_membership(self, message: Membership) -> None:
         try:
@@ -228,14 +244,22 @@ class MonitorNode(NetworkNode):
 
     @property
     def finished(self) -> bool:
-        """Has every learner made all updates and closing rounds, and has the result of the last one arrived?"""
+        """Has every learner made all updates and closing rounds, and has the result of the last one arrived?
+
+        Of whom nothing is heard in this life, what an earlier one wrote down counts.
+        """
         last = self._admission.last
         names = self.taking_part()
         return (
             bool(names)
             and all(last in self.parameters[name] and not self._missing(name) for name in names)
-            and all(name in self.statuses and self.statuses[name].state == LearnerStatus.FINISHED for name in names)
+            and all(self._has_finished(name) for name in names)
         )
+
+    def _has_finished(self, name: str) -> bool:
+        if name in self.statuses:
+            return bool(self.statuses[name].state == LearnerStatus.FINISHED)
+        return self.kept.knows_mixed(name, self._admission.last - 1)
 
     def consensus(self) -> tuple[int, float, float] | None:
         """(n, distance in theta, distance in omega) at the newest iteration known of all learners."""

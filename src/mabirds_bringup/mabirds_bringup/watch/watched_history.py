@@ -76,6 +76,10 @@ class WatchedHistory:
         """Note whose parameters ``name`` mixed at ``iteration``."""
         self._mixed[name][iteration] = np.array([float(learner in senders) for learner in self._learners])
 
+    def knows_mixed(self, name: str, iteration: int) -> bool:
+        """Is it known whose parameters ``name`` mixed at ``iteration``?"""
+        return iteration in self._mixed[name]
+
     def delivered(self) -> DeliveredEdges:
         """Whose parameters each learner says it mixed, at the iterations of which all learners' statuses were heard."""
         heard = set.intersection(*(set(log) for log in self._mixed.values()))

@@ -1,0 +1,38 @@
+"""Links that are down at first and addresses that change: every bit of the result stays, nothing has to be done."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from halves import Halves, settings, two_halves
+from namespaces import obstacle
+
+from mabirds_msgs_py.environment import FASTDDS_PROFILE
+
+OBSTACLE = obstacle()
+pytestmark = pytest.mark.skipif(OBSTACLE is not None, reason=f"no network namespaces: {OBSTACLE}")
+
+
+@pytest.fixture
+def halves(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Halves]:
+    monkeypatch.setenv("FASTRTPS_DEFAULT_PROFILES_FILE", str(FASTDDS_PROFILE))  # other tests keep to this host
+    with two_halves(tmp_path) as made:
+        yield made
+
+
+def test_a_link_that_is_down_at_first_and_an_address_that_changes(
+    make_experiment: Callable[..., Path], halves: Halves
+) -> None:
+    """Of the host with the player, in one run; the other one goes on as it is, and nothing counts as a death."""
+    file = make_experiment(**settings(iterations=30))
+    halves.lan.cut("right")
+    for host in halves.parts:
+        halves.start_part(host, file, "--restarts", "0")
+    halves.wait(lambda: halves.newest("left") and halves.newest("right"))
+    halves.lan.plug("right")
+    halves.wait(lambda: halves.newest("right") > 5)
+    assert "new: eth0 10.77.0.2" in halves.said("right")
+    halves.lan.readdress("right")
+    halves.wait(lambda: "gone: eth0 10.77.0.2; new: eth0 10.77.0.3" in halves.said("right"))
+    halves.assert_all_whole(file)
+    assert "have changed" not in halves.said("left")
