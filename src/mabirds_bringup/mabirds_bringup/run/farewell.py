@@ -9,7 +9,7 @@ from rclpy.node import Node
 SHUTDOWN_TIMEOUT = 5.0
 """Seconds in which those who stay hear what was said before somebody leaves."""
 
-PATIENCE = 120.0
+PATIENCE = 60.0
 """Seconds for which a part that has everything is there for others that have not said so."""
 
 PERIOD = 0.5
