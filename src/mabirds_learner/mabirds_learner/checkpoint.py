@@ -105,7 +105,7 @@ class CheckpointStore:
         except OSError as error:
             raise self._unwritable(error) from None
         try:
-            self.parameters = self._open(like)
+            self.parameters: ParametersLog = self._open(like)
         except CheckpointError:
             os.close(self._lock)
             raise
