@@ -104,7 +104,7 @@ class LearnerNode(ProgressNode):
         mixing, learner = self.experiment.mixing, build_learner(self.experiment, self.learner_name)
         identity = Identity(self.learner_name, self.experiment_digest, self.schedule)
         outlet = NodeOutlet(self, self.presence, self.parameter_history)
-        here = (identity, outlet, self.schedule_next_step)
+        here = (identity, outlet, self.go_on)
         if isinstance(mixing, ResilientMixing):
             member = PushSumMember(learner, self._limits, late_joiner=self.get_param("late_joiner"))
             resilient = LearnerSession(member)
@@ -201,13 +201,13 @@ class LearnerNode(ProgressNode):
                 self._strangers.add(message.experiment_digest[:MAX_DIGEST])
             self.reject(f"{topics.DEMONSTRATION} {message.iteration}", error)
         else:
-            self.schedule_next_step()
+            self.go_on()
 
     def _on_presence(self, name: str) -> None:
         alive = not self.presence.is_lost(name)
         self.set_event(f"{name} is {'back' if alive else f'gone: silent for {LIVELINESS_LEASE:g} s'}")
         self._exchange.on_presence(name, alive=alive)
-        self.schedule_next_step()
+        self.go_on()
 
     def on_timer(self) -> None:
         """Say that this learner lives, and mend what has been missing since the last time."""

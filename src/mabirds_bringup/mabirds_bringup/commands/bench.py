@@ -10,6 +10,7 @@ from mabirds_bringup.bench.command import FIRST_SEED, command_line, results_of, 
 from mabirds_bringup.bench.outcome import run_case
 from mabirds_bringup.bench.study import load_study, packaged_studies
 from mabirds_bringup.commands.bench_behaviour import behaviour
+from mabirds_bringup.commands.bench_exchange import exchange
 from mabirds_bringup.commands.bench_solve import solve
 from mabirds_bringup.commands.bench_theory import theory
 from mabirds_bringup.commands.options import FirstSeed, Jobs, Json, MostIterations, Seeds
@@ -82,4 +83,5 @@ for command in (*packaged_studies(), STUDY):
     bench_app.command(command)(study)
 bench_app.command()(behaviour)
 bench_app.command()(solve)
+bench_app.command()(exchange)
 bench_app.command()(theory)
