@@ -124,7 +124,20 @@ class Factors:
         return np.asarray(np.ravel_multi_index(cells, (self.n_cells,) * self.n_experts))
 
     def level(self, states: Indices, actions: Indices) -> NDArray[np.uint8]:
-        """The level of M joint ``actions`` in M joint ``states``, shape (M,)."""
+        """The level of single joint actions.
+
+        Parameters
+        ----------
+        states : Indices
+            Joint states, shape (M,).
+        actions : Indices
+            A joint action in each, shape (M,).
+
+        Returns
+        -------
+        NDArray[np.uint8]
+            Shape (M,).
+        """
         levels = np.zeros(len(states), dtype=np.uint8)
         if len(self.coupled_states):
             places = np.minimum(np.searchsorted(self.coupled_states, states), len(self.coupled_states) - 1)

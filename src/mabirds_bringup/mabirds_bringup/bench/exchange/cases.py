@@ -6,7 +6,7 @@ from typing import Any
 
 import yaml
 
-ROOM = {"kind": "patrol", "map": "...\n...", "starts": [[[0, 0], [0, 2]]], "goals": [[0, 2], [0, 0]], "horizon": 6}
+ROOM = {"map": "...\n...", "starts": [[[0, 0], [0, 2]]], "goals": [[0, 2], [0, 0]], "horizon": 6}
 """A game that costs next to nothing, so that what is left is the exchange."""
 
 
