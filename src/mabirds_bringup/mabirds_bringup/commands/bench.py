@@ -12,6 +12,7 @@ from mabirds_bringup.bench.study import load_study, packaged_studies
 from mabirds_bringup.commands.bench_behaviour import behaviour
 from mabirds_bringup.commands.bench_exchange import exchange
 from mabirds_bringup.commands.bench_solve import solve
+from mabirds_bringup.commands.bench_start import start
 from mabirds_bringup.commands.bench_theory import theory
 from mabirds_bringup.commands.options import FirstSeed, Jobs, Json, MostIterations, Seeds
 from mabirds_bringup.console import guarded_output, print_json
@@ -84,4 +85,5 @@ for command in (*packaged_studies(), STUDY):
 bench_app.command()(behaviour)
 bench_app.command()(solve)
 bench_app.command()(exchange)
+bench_app.command()(start)
 bench_app.command()(theory)
