@@ -1,11 +1,15 @@
 """``mabirds bench start``: what it takes until something answers."""
 
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from mabirds_bringup.commands.options import Json
 from mabirds_bringup.console import console, guarded_output, print_json
+
+EXPERIMENTS = ("ros_ws/config/patrol.yaml", "ros_ws/config/discrete.yaml")
+"""That the package has in its folder config."""
 
 
 def start(
@@ -42,7 +46,6 @@ def measured(repetitions: int) -> dict[str, Any]:
     # Loads ROS.
     import os
     import tempfile
-    from pathlib import Path
 
     import mabirds_bringup
     from mabirds_bringup.bench.report import machine
@@ -52,7 +55,7 @@ def measured(repetitions: int) -> dict[str, Any]:
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     prepare_environment()
     config = Path(mabirds_bringup.__file__).parent / "config"
-    files = {name: config / f"{name}.yaml" for name in ("patrol", "discrete")}
+    files = {Path(name).stem: config / Path(name).name for name in EXPERIMENTS}
     with tempfile.TemporaryDirectory(prefix="mabirds-start-") as logs:
         results = compare(files, repetitions, Path(logs))
     versions = machine("numpy", "ros-jazzy-rclpy", "ros-rclpy", "typer")

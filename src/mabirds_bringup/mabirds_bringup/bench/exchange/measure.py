@@ -52,14 +52,13 @@ class Reading(NamedTuple):
 class Watch:
     """The statuses of all learners, unread until the end, and the processes' times."""
 
-    stamps: dict[str, list[tuple[int, int]]] = field(default_factory=dict)
     readings: list[Reading] = field(default_factory=list)
     raw: dict[str, list[bytes]] = field(default_factory=dict)
 
     def listen(self, node: Node, names: Sequence[str]) -> None:
         """Subscribe to all statuses, as bytes."""
         for name in names:
-            self.raw[name], self.stamps[name] = [], []
+            self.raw[name] = []
             node.create_subscription(
                 LearnerStatus, f"/{name}/{topics.STATUS}", self.raw[name].append, latched(DEPTH), raw=True
             )
@@ -90,7 +89,7 @@ def processor_seconds(process: int) -> float:
 Command = Callable[[str], list[str]]
 
 
-def measure(file: Path, command: Command, directory: Path) -> dict[str, float]:
+def measure(file: Path, command: Command, directory: Path, method: str = "") -> dict[str, float]:
     """Run a network to its end.
 
     Parameters
@@ -101,6 +100,8 @@ def measure(file: Path, command: Command, directory: Path) -> dict[str, float]:
         That starts a learner's process, by its name.
     directory : Path
         For logs.
+    method : str, optional
+        A central one, whose process takes the place of all learners.
 
     Returns
     -------
@@ -111,11 +112,13 @@ def measure(file: Path, command: Command, directory: Path) -> dict[str, float]:
     directory.mkdir(parents=True, exist_ok=True)
     rclpy.init(args=[], context=context)
     node, executor = Node("watch", context=context), SingleThreadedExecutor(context=context)
-    watch.listen(node, experiment.learners)
+    names = [method] if method else list(experiment.learners)
+    watch.listen(node, names)
     executor.add_node(node)
-    children = [processes.start(name, command(name), directory) for name in experiment.learners]
+    children = [processes.start(name, command(name), directory) for name in names]
     try:
-        children.append(processes.start("expert_player", processes.player_command(file, {"hz": HZ}), directory))
+        player = processes.player_command(file, {"hz": HZ, "baseline": method})
+        children.append(processes.start("expert_player", player, directory))
         _watch(watch, executor, children, experiment)
     finally:
         processes.stop(children)
@@ -158,10 +161,12 @@ def figures(watch: Watch, experiment: Experiment) -> dict[str, float]:
     """
     first = 1 + int(WARM * experiment.iterations)
     counted = [reading for reading in watch.readings if first <= reading.iteration <= experiment.iterations]
+    if len({reading.iteration for reading in counted}) < 2:
+        counted = watch.readings
     begin, end = counted[0], counted[-1]
-    seconds, done = end.seconds - begin.seconds, (end.iteration - begin.iteration) * len(experiment.learners)
-    times = watch.milliseconds(experiment.learners[0], first)
-    statuses = sum(map(len, watch.raw.values())) / (len(experiment.learners) * experiment.iterations)
+    seconds, done = end.seconds - begin.seconds, (end.iteration - begin.iteration) * len(watch.raw)
+    times = watch.milliseconds(next(iter(watch.raw)), first)
+    statuses = sum(map(len, watch.raw.values())) / (len(watch.raw) * experiment.iterations)
     return {
         "rate": float(1e3 / times.mean()),
         "processor_milliseconds": 1e3 * seconds / done,
