@@ -17,7 +17,13 @@ from safetensors.numpy import save_file
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Array
 from mabirds_core.errors import CheckpointError
-from mabirds_learner.checkpoint import CheckpointMetadata, CheckpointStore, newest_checkpoint
+from mabirds_learner.checkpoint import (
+    CheckpointMetadata,
+    CheckpointStore,
+    newest_checkpoint,
+    newest_of_anybody,
+    owner_of,
+)
 from mabirds_learner.records import HEAD, HEADER
 
 OWNER = CheckpointMetadata("learner_1", "experiment", "schedule")
@@ -323,3 +329,13 @@ def test_a_killed_writer_leaves_whole_checkpoints_and_never_less_than_it_said(tm
     assert all("the last record is not whole" in words for words in store.refused)
     assert max(found) >= said
     assert all((content["theta"] == n).all() for n, content in found.items())
+
+
+def test_whose_a_directory_is_can_be_asked_without_knowing(directory: Path, tmp_path: Path) -> None:
+    assert owner_of(directory) == OWNER
+    found = newest_of_anybody(directory)
+    assert found
+    assert (found[0], same(found[1], whole(6))) == (6, True)
+    assert newest_of_anybody(tmp_path / "nowhere") is None
+    (directory / "journal").write_bytes(b"something else")
+    assert owner_of(directory) is None
