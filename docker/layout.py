@@ -27,12 +27,12 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from safetensors.numpy import load_file
 
 from mabirds_bringup.run import processes, run_directory
 from mabirds_bringup.run.processes import NodeProcess
 from mabirds_core.errors import MabirdsError
 from mabirds_core.experiment.file import load_experiment
+from mabirds_learner.checkpoint import newest_of_anybody
 from mabirds_msgs_py.node_main import SUPERVISOR
 
 DOCKER = Path(__file__).resolve().parent
@@ -202,14 +202,14 @@ class Layout:
             return subprocess.run(command, stdout=log, stderr=log, check=False).returncode == 0
 
 
-def last_checkpoints(services: Sequence[Service]) -> dict[str, Path]:
-    """By learner, the checkpoint that is written once everything is learned."""
+def last_checkpoints(services: Sequence[Service]) -> dict[str, tuple[Path, int]]:
+    """By learner, the directory of its checkpoints, and the iteration of the one written once everything is learned."""
     checkpoints = {}
     for service in filter(_lasts, services):
         experiment = load_experiment(_experiment(service))
         last = 1 + experiment.iterations + experiment.closing_rounds
         place = next(source for source, target, _ in service.volumes if target == CHECKPOINTS)
-        checkpoints[service.name] = place / f"{last:08}.safetensors"
+        checkpoints[service.name] = place, last
     return checkpoints
 
 
@@ -228,9 +228,18 @@ def _experiment(service: Service) -> Path:
     raise LayoutError(f"{service.name}: {path} is on none of its volumes")
 
 
-def digests(checkpoint: Path) -> dict[str, str]:
-    """SHA-256 of the bytes of theta and omega."""
-    arrays = load_file(checkpoint)
+def has_reached(directory: Path, iteration: int) -> bool:
+    """Is the checkpoint of an iteration written?"""
+    found = newest_of_anybody(directory)
+    return found is not None and found[0] >= iteration
+
+
+def digests(directory: Path) -> dict[str, str]:
+    """SHA-256 of the bytes of theta and omega of the newest checkpoint."""
+    found = newest_of_anybody(directory)
+    if found is None:
+        raise LayoutError(f"{directory}: no checkpoint")
+    _, arrays = found
     return {name: hashlib.sha256(arrays[name].tobytes()).hexdigest() for name in ("theta", "omega")}
 
 
@@ -244,11 +253,11 @@ def run(compose: Sequence[Path], directory: Path, timeout: float) -> dict[str, d
             layout.start(deadline)
             for service in sorted((service for service in services if service.healthcheck), key=_lasts):
                 layout.wait(partial(layout.is_healthy, service), f"{service.name} healthy", deadline)
-            for name, file in checkpoints.items():
-                layout.wait(file.exists, f"{name} has learned everything", deadline)
+            for name, (place, last) in checkpoints.items():
+                layout.wait(partial(has_reached, place, last), f"{name} has learned everything", deadline)
         finally:
             processes.stop(list(layout.running.values()))
-    return {name: digests(file) for name, file in checkpoints.items()}
+    return {name: digests(place) for name, (place, _) in checkpoints.items()}
 
 
 def main() -> int:

@@ -15,7 +15,7 @@ from mabirds_core.consensus.schedule_settings import AlternatingSchedule
 from mabirds_core.consensus.strict import StrictMixer, StrictMixing
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.file import Experiment
-from mabirds_core.registry import GROUPS, Kind, build, kind_of, kinds, offers, require, union
+from mabirds_core.registry import GROUPS, Kind, build, installed_points, kind_of, kinds, offers, require, union
 from mabirds_core.settings import Settings
 
 PLANNERS = "mabirds.planners"
@@ -36,6 +36,11 @@ WORD = "no kind"
 """
 
 
+def forget() -> None:
+    for known in (installed_points, offers):
+        known.cache_clear()
+
+
 @pytest.fixture
 def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install]:
     """A function that installs a package with one entry point, and a source."""
@@ -47,11 +52,11 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install
         information.mkdir()
         (information / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n")
         (information / "entry_points.txt").write_text(f"[{PLANNERS}]\n{name} = {package}{target}\n")
-        offers.cache_clear()
+        forget()
 
     yield install
     monkeypatch.undo()
-    offers.cache_clear()
+    forget()
 
 
 def test_a_kind_of_another_package_is_there_with_its_origin(install: Install) -> None:

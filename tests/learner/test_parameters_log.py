@@ -10,7 +10,8 @@ from identity import bits
 
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.errors import CheckpointError
-from mabirds_learner.parameters_log import HEADER, ParametersLog
+from mabirds_learner.parameters_log import ParametersLog
+from mabirds_learner.records import HEAD, HEADER
 
 LIKE = Parameters(np.zeros(3), np.zeros(2))
 
@@ -46,11 +47,11 @@ def test_what_was_written_is_read_to_the_bit_in_any_order(log: ParametersLog, tm
         log[4]
 
 
-@pytest.mark.parametrize("place", [0, 9, 30, 55])
+@pytest.mark.parametrize("place", [0, 9, 30, 56, 95])
 def test_a_damaged_record_is_missing_and_no_other(log: ParametersLog, tmp_path: Path, place: int) -> None:
     for n in range(1, 6):
         log[n] = made_up(n)
-    file, record = tmp_path / "some" / "learner_1.log", 7 * 8
+    file, record = tmp_path / "some" / "learner_1.log", HEAD.size + 5 * 8
     content = bytearray(file.read_bytes())
     content[HEADER + 2 * record + place] ^= 1
     file.write_bytes(content)
@@ -61,7 +62,7 @@ def test_a_damaged_record_is_missing_and_no_other(log: ParametersLog, tmp_path: 
     assert list(log) == [1, 2, 4, 5]
 
 
-@pytest.mark.parametrize("cut", [1, 7, 8, 55])
+@pytest.mark.parametrize("cut", [1, 7, 8, 95])
 def test_a_file_cut_short_holds_what_is_whole(log: ParametersLog, tmp_path: Path, cut: int) -> None:
     for n in range(1, 6):
         log[n] = made_up(n)
@@ -76,7 +77,7 @@ def test_a_file_cut_short_holds_what_is_whole(log: ParametersLog, tmp_path: Path
 def test_a_file_of_another_run_or_shape_is_refused(
     log: ParametersLog, tmp_path: Path, like: Parameters, run: str
 ) -> None:
-    with pytest.raises(CheckpointError, match=r"expected 'mabirds-log-1 . (other|run)'"):
+    with pytest.raises(CheckpointError, match=r"expected 'mabirds-log-2 . (other|run)'"):
         ParametersLog(tmp_path / "some" / "learner_1.log", like, run)
     log[1] = made_up(1)  # and is left alone
     assert list(log) == [1]

@@ -99,11 +99,11 @@ def test_a_restart_from_files_before_every_update_changes_no_bit(
     session = new_session(experiment)
     while not session.finished:
         advance(session, streams, expected)
-        store = CheckpointStore(tmp_path / "checkpoints", metadata, keep=4)
+        store = CheckpointStore(tmp_path / "checkpoints", metadata, session.parameters, keep=4)
         store.save(session.iteration, session.arrays())
         store.close()
         session = new_session(experiment)
-        store = CheckpointStore(tmp_path / "checkpoints", metadata, keep=4)
+        store = CheckpointStore(tmp_path / "checkpoints", metadata, session.parameters, keep=4)
         session.restore(store.load())
         store.close()
         assert bits(session.parameters) == bits(expected["learner_1"][session.iteration - 1])

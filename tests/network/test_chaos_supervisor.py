@@ -15,6 +15,7 @@ from identity import assert_same_histories
 
 from mabirds_bringup.commands.simulate import simulate_from_bag
 from mabirds_bringup.run.stored_run import load_run
+from mabirds_learner.checkpoint import newest_of_anybody
 
 MABIRDS = str(Path(sys.executable).with_name("mabirds"))
 HARMS = ("kill supervisor", "suspend supervisor", "kill node", "kill node", "stop node")
@@ -39,8 +40,9 @@ class Life:
 
     @property
     def newest(self) -> int:
-        files = list(self.directory.glob("checkpoints/*/*.safetensors"))
-        return max((int(file.stem) for file in files), default=0)
+        return max(
+            (found[0] for found in map(newest_of_anybody, self.directory.glob("checkpoints/*")) if found), default=0
+        )
 
     def wait_beyond(self, iteration: int) -> bool:
         """Until a learner has gone beyond an iteration; False where the run has ended before."""

@@ -13,11 +13,13 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from identity import bits
 from namespaces import obstacle
-from safetensors.numpy import load_file
 
 from mabirds_bringup.commands.simulate import simulate_from_bag
 from mabirds_core.experiment.file import load_experiment
+from mabirds_learner.checkpoint import owner_of
+from mabirds_learner.parameters_log import ParametersLog
 from mabirds_msgs_py.security import KEYSTORE, STRATEGY, check_settings
 
 OBSTACLE = obstacle()
@@ -55,11 +57,12 @@ def layout(tmp_path: Path, variables: Mapping[str, str], *options: str) -> "subp
 def assert_as_in_one_process(history: Mapping[str, Any], found: dict[str, Any]) -> None:
     """All iterations by the checkpoints, and what was printed of the last one."""
     for name, reference in history.items():
-        place = Path(found["directory"]) / "volumes" / name
+        file = Path(found["directory"]) / "volumes" / name / "parameters.log"
+        owner = owner_of(file.parent)
+        assert owner
+        kept = ParametersLog(file, reference[0], owner.experiment_digest)
         for iteration, expected in enumerate(reference, start=1):
-            arrays = load_file(place / f"{iteration:08}.safetensors")
-            for part in ("theta", "omega"):
-                assert arrays[part].tobytes() == getattr(expected, part).tobytes(), f"{part} of {name}, {iteration}"
+            assert bits(kept[iteration]) == bits(expected), f"{name}, {iteration}"
         last = {part: np.ascontiguousarray(getattr(reference[-1], part)) for part in ("theta", "omega")}
         assert found["learners"][name] == {part: hashlib.sha256(last[part]).hexdigest() for part in last}
 

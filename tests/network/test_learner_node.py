@@ -306,13 +306,13 @@ def test_a_learner_goes_on_from_its_checkpoint_and_tells_its_past(
     nodes.executor.remove_node(first)
     nodes.all.remove(first)
     first.destroy_node()
-    newest = tmp_path / "checkpoints" / "00000004.safetensors"
-    newest.write_bytes(newest.read_bytes()[:-1])
+    journal = tmp_path / "checkpoints" / "journal"
+    journal.write_bytes(journal.read_bytes().rstrip(b"\0")[:-9])
     around.parameters.clear()
     second = nodes.learner(file, "learner_1", checkpoints=checkpoints)
     assert second.session.iteration == 3
     nodes.spin_until(lambda: {message.iteration for message in around.parameters} >= {1, 2, 3})
-    nodes.spin_until(lambda: "resumed at iteration 3; 00000004.safetensors: is no whole" in around.last.message)
+    nodes.spin_until(lambda: "resumed at iteration 3; journal: the last record is not whole" in around.last.message)
     nodes.spin_until(lambda: second.session.iteration == 4)
     assert bits(second.session.parameters) == bits(first.session.parameters)
 

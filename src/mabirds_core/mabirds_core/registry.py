@@ -13,7 +13,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache, reduce
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import Distribution, EntryPoint, entry_points
 from operator import attrgetter, or_
 from types import MappingProxyType
 from typing import Annotated, Any, get_args
@@ -74,9 +74,20 @@ class Offer:
 
 
 @cache
+def installed_points() -> Any:
+    """Entry points of all installed packages: to look through these takes longer than to load what is found."""
+    return entry_points()  # of one type in Python 3.11 and of another in 3.12; both select
+
+
+@cache
+def _origin(distribution: Distribution) -> tuple[str, str]:
+    return distribution.name, distribution.version
+
+
+@cache
 def offers(group: str) -> Mapping[str, Offer]:
     """All installed kinds of a group by name, also those that cannot be used."""
-    points = sorted(entry_points(group=group), key=attrgetter("name", "value"))
+    points = sorted(installed_points().select(group=group), key=attrgetter("name", "value"))
     times = Counter(point.name for point in points)
     return MappingProxyType({point.name: _offer(point, points if times[point.name] > 1 else []) for point in points})
 
@@ -178,9 +189,9 @@ def _tag_or(default: str) -> Callable[[Any], str]:
 
 
 def _offer(point: EntryPoint, rivals: list[EntryPoint]) -> Offer:
-    package, version = (point.dist.name, point.dist.version) if point.dist else ("?", "?")
+    package, version = _origin(point.dist) if point.dist else ("?", "?")
     kind, problem = _loaded(point, package)
-    others = sorted({rival.dist.name for rival in rivals if rival.name == point.name and rival.dist})
+    others = sorted({_origin(rival.dist)[0] for rival in rivals if rival.name == point.name and rival.dist})
     if others:
         kind, problem = None, f"several packages bring it, {others}; uninstall all but one"
     return Offer(point.group, point.name, package, version, point.value, kind, problem)

@@ -59,7 +59,7 @@ class BaselineNode(ProgressNode):
         except RefusedMessageError as error:
             self.reject(f"{topics.DEMONSTRATION} {message.iteration} of {learner}", error)
         else:
-            self.schedule_next_step()
+            self.go_on()
 
 
 HELP = """Run a central method on the demonstrations of all learners.

@@ -1,36 +1,37 @@
-"""Checkpoints: one safetensors file per iteration, written so that a killed process leaves only whole ones behind.
+"""Checkpoints of a learner: a journal of its newest states, and a log of theta and omega of all its iterations.
 
-A file holds the arrays of a session and says in its metadata whose they are. safetensors notices a file cut short;
-a SHA-256 of the arrays notices any other damage. The files of the last iterations stay. The newest is where a restarted
-learner goes on, and the two before are its reserve. Still older ones answer neighbours that missed something: they hold
-theta and omega alone, for what a planner remembers may be megabytes.
+A state goes into the journal, and with it to the disk, before anybody hears of it; a record is the arrays of a session
+as safetensors. Whoever restarts goes on from the newest; the two before are its reserve. Older ones leave the journal:
+of them neighbours may ask for theta and omega, which are in the log. The log reaches the disk before the journal lets
+go of what it holds.
 """
 
 import fcntl
-import hashlib
 import os
-from collections.abc import Iterator, Mapping
-from contextlib import suppress
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
 import numpy as np
-from safetensors import SafetensorError, safe_open
-from safetensors.numpy import save
+from safetensors.numpy import load, save
 
+from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Array
 from mabirds_core.errors import CheckpointError
+from mabirds_learner.journal import COMPLETE, Found, Journal, read_journal, synchronise_directory
+from mabirds_learner.parameters_log import SUFFIX, ParametersLog
+from mabirds_learner.records import HEADER, Buffer, Record, words_of
 
-SUFFIX = ".safetensors"
-UNFINISHED = ".unfinished"
-LOCK = "lock"
-FORMAT = "mabirds-checkpoint-1"
+JOURNAL, PARAMETERS, LOCK = "journal", f"parameters{SUFFIX}", "lock"
+"""Names of files in the directory of a learner."""
 
-COMPLETE = 3
-"""How many of the newest files keep everything."""
+FORMAT = "mabirds-journal-1"
+
+EARLIER = "*.safetensors"
+"""Names of the files of versions that wrote one for each iteration."""
 
 LASTING = ("theta", "omega")
-"""What the older ones keep."""
+"""What is kept of iterations that are no longer in the journal."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,11 @@ class CheckpointMetadata:
     experiment_digest: str
     schedule_digest: str
 
+    @property
+    def words(self) -> str:
+        """As the journal begins."""
+        return "".join(f"{name} {value}\n" for name, value in {"format": FORMAT, **asdict(self)}.items())
+
 
 Checkpoints = dict[int, dict[str, Array]]
 """Arrays by the iteration before whose update they were written."""
@@ -65,24 +71,32 @@ class CheckpointStore:
         Is made where there is none.
     metadata : CheckpointMetadata
         Whose they are.
+    like : Parameters
+        Parameters of the shapes that all must have.
     keep : int
-        How many iterations stay, the newest.
+        Of how many iterations a restarted learner is given theta and omega, the newest.
+
+    Attributes
+    ----------
+    refused : list[str]
+        What is wrong with those that cannot be used, in words.
+    parameters : ParametersLog
+        theta(n), omega(n) of all iterations.
 
     Raises
     ------
     CheckpointError
-        The directory cannot be written, or another process writes to it.
+        The directory cannot be written, another process writes to it, or it is of an earlier version.
     """
 
-    def __init__(self, directory: Path, metadata: CheckpointMetadata, keep: int) -> None:
+    def __init__(self, directory: Path, metadata: CheckpointMetadata, like: Parameters, keep: int) -> None:
         self.directory, self._whose, self._keep = directory, metadata, keep
         self.refused: list[str] = []
         try:
             directory.mkdir(parents=True, exist_ok=True)
             self._lock = os.open(directory / LOCK, os.O_WRONLY | os.O_CREAT)  # held until the process ends, however
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            for file in directory.glob(f"*{UNFINISHED}"):
-                file.unlink()
+            self._journal = Journal(directory / JOURNAL, metadata.words)
         except BlockingIOError:
             raise CheckpointError(
                 f"{directory}: another process writes its checkpoints here; end the other {metadata.learner}, or name"
@@ -90,9 +104,25 @@ class CheckpointStore:
             ) from None
         except OSError as error:
             raise self._unwritable(error) from None
+        try:
+            self.parameters: ParametersLog = self._open(like)
+        except CheckpointError:
+            os.close(self._lock)
+            raise
+
+    def _open(self, like: Parameters) -> ParametersLog:
+        """Go on behind what is there; the log learns what a power cut took from it."""
+        records = self._sound()
+        log = ParametersLog(self.directory / PARAMETERS, like, self._whose.experiment_digest)
+        self._journal.go_on_behind(records)
+        for iteration, content in records:
+            log[iteration] = _lasting(_read(content))
+        return log
 
     def close(self) -> None:
         """Let another process have the directory."""
+        self._journal.close()
+        self.parameters.close()
         os.close(self._lock)
 
     def save(self, iteration: int, arrays: Mapping[str, Array]) -> None:
@@ -110,53 +140,28 @@ class CheckpointStore:
         CheckpointError
             It cannot be written; nothing is changed.
         """
+        content = save({name: np.ascontiguousarray(values) for name, values in arrays.items()})
         try:
-            self._write(iteration, arrays)
-            self._trim(iteration - COMPLETE)
-            self._file(iteration - self._keep).unlink(missing_ok=True)
+            if not self._journal.has_room(len(content)):
+                self.parameters.synchronise()
+                synchronise_directory(self.directory)
+            self._journal.append(iteration, content)
         except OSError as error:
             raise self._unwritable(error) from None
-
-    def _write(self, iteration: int, arrays: Mapping[str, Array]) -> None:
-        contiguous = {name: np.ascontiguousarray(values) for name, values in arrays.items()}
-        _write_durably(self._file(iteration), save(contiguous, _metadata(self._whose, iteration, contiguous)))
-
-    def _trim(self, iteration: int) -> None:
-        """Leave what lasts. A damaged file stays as it is: whoever loads it says so."""
-        with suppress(CheckpointError):
-            _, arrays = self._read(self._file(iteration))
-            if arrays.keys() > set(LASTING):
-                self._write(iteration, {name: arrays[name] for name in LASTING})
+        self.parameters[iteration] = _lasting(arrays)
 
     def load(self) -> Checkpoints:
-        """All sound checkpoints by iteration; ``refused`` then says what is wrong with the others.
+        """The newest states, and theta and omega of iterations before; ``refused`` then says what cannot be used."""
+        states = {n: _read(content) for n, content in self._sound()[-COMPLETE:]}
+        newest = max(states, default=0)
+        lasting = {n: self.parameters[n]._asdict() for n in self.parameters if newest - self._keep < n < newest}
+        kept = {**lasting, **states}
+        return {n: kept[n] for n in sorted(kept) if n > newest - self._keep}
 
-        Raises
-        ------
-        CheckpointError
-            There are files and none is sound: starting anew would overwrite them.
-        """
-        self.refused = []
-        checkpoints = dict(sorted(self._sound()))
-        if self.refused and not checkpoints:
-            raise CheckpointError(
-                f"{self.directory}: no checkpoint can be used ({self.refused[-1]}); name another directory, or delete"
-                " this one to start anew"
-            )
-        return checkpoints
-
-    def _sound(self) -> Iterator[tuple[int, dict[str, Array]]]:
-        for file in sorted(self.directory.glob(f"*{SUFFIX}")):
-            try:
-                yield self._read(file)
-            except CheckpointError as error:
-                self.refused.append(str(error))
-
-    def _read(self, file: Path) -> tuple[int, dict[str, Array]]:
-        return read_checkpoint(file, self._whose)
-
-    def _file(self, iteration: int) -> Path:
-        return self.directory / f"{iteration:08}{SUFFIX}"
+    def _sound(self) -> list[Record]:
+        """Records to go on from, of the newest iterations, the oldest first."""
+        records, self.refused = _sound_records(self.directory, self._whose)
+        return records
 
     def _unwritable(self, error: OSError) -> CheckpointError:
         return CheckpointError(
@@ -164,37 +169,47 @@ class CheckpointStore:
         )
 
 
-def read_checkpoint(file: Path, whose: CheckpointMetadata) -> tuple[int, dict[str, Array]]:
-    """Read one file.
+def owner_of(directory: Path) -> CheckpointMetadata | None:
+    """Whose a directory of checkpoints is, by what its journal says.
 
     Parameters
     ----------
-    file : Path
-        Of a checkpoint.
-    whose : CheckpointMetadata
-        Whose it must be.
+    directory : Path
+        Of the checkpoints.
 
     Returns
     -------
-    tuple[int, dict[str, Array]]
-        Its iteration, and its arrays by name.
+    CheckpointMetadata or None
+        None where there is no journal, or one that does not say.
+    """
+    try:
+        with (directory / JOURNAL).open("rb") as stream:
+            said = _said(words_of(stream.read(HEADER)))
+        return CheckpointMetadata(**{field.name: said[field.name] for field in fields(CheckpointMetadata)})
+    except (OSError, KeyError):
+        return None
+
+
+def newest_of_anybody(directory: Path) -> tuple[int, dict[str, Array]] | None:
+    """The newest checkpoint, whosever it is.
+
+    Parameters
+    ----------
+    directory : Path
+        Of the checkpoints.
+
+    Returns
+    -------
+    tuple[int, dict[str, Array]] or None
+        Its iteration, and its arrays by name; None where there is none.
 
     Raises
     ------
     CheckpointError
-        It names the file and what is wrong with it.
+        None is sound.
     """
-    try:
-        with safe_open(file, framework="numpy") as content:
-            metadata = content.metadata() or {}
-            arrays = {name: content.get_tensor(name) for name in content.keys()}  # noqa: SIM118 - no mapping
-    except (SafetensorError, OSError, ValueError, TypeError) as error:
-        raise CheckpointError(f"{file.name}: is no whole checkpoint ({error})") from None
-    iteration = int(file.stem) if file.stem.isdecimal() else 0
-    for name, expected in _metadata(whose, iteration, arrays).items():
-        if metadata.get(name) != expected:
-            raise CheckpointError(f"{file.name}: {name} is {metadata.get(name)!r}, expected {expected!r}")
-    return iteration, arrays
+    owner = owner_of(directory)
+    return newest_checkpoint(directory, owner) if owner else None
 
 
 def newest_checkpoint(directory: Path, whose: CheckpointMetadata) -> tuple[int, dict[str, Array]] | None:
@@ -210,45 +225,64 @@ def newest_checkpoint(directory: Path, whose: CheckpointMetadata) -> tuple[int, 
     Returns
     -------
     tuple[int, dict[str, Array]] or None
-        Its iteration, and its arrays by name; None where there is no file.
+        Its iteration, and its arrays by name; None where there is none.
 
     Raises
     ------
     CheckpointError
-        As of ``read_checkpoint``.
+        None is sound, or they are of an earlier version.
     """
-    files = sorted(directory.glob(f"*{SUFFIX}"))
-    return read_checkpoint(files[-1], whose) if files else None
+    records, _ = _sound_records(directory, whose)
+    return (records[-1].iteration, _read(records[-1].content)) if records else None
 
 
-def _metadata(whose: CheckpointMetadata, iteration: int, arrays: Mapping[str, Array]) -> dict[str, str]:
-    return {
-        "format": FORMAT,
-        "iteration": str(iteration),
-        **asdict(whose),
-        "sha256": _fingerprint(arrays),
-    }
+def _sound_records(directory: Path, whose: CheckpointMetadata) -> tuple[list[Record], list[str]]:
+    """Records to go on from, and what is wrong with the others; raises CheckpointError where there are only such."""
+    found = _found(directory, whose)
+    if found is None:
+        return [], []
+    newest = {record.iteration: record for record in found.records}  # what was written again counts as it was last
+    wrong = [*_strange(found.header, whose), *found.damaged]
+    if not newest:
+        raise _useless(directory, wrong[0] if wrong else "there is no record")
+    return [newest[n] for n in sorted(newest)], [f"{JOURNAL}: {words}" for words in wrong]
 
 
-def _write_durably(file: Path, content: bytes) -> None:
-    """The old content or the new, never something in between, even if the power fails."""
-    unfinished = file.with_suffix(UNFINISHED)
-    with unfinished.open("wb") as stream:
-        stream.write(content)
-        stream.flush()
-        os.fsync(stream.fileno())
-    unfinished.replace(file)
-    directory = os.open(file.parent, os.O_RDONLY)
+def _found(directory: Path, whose: CheckpointMetadata) -> Found | None:
     try:
-        os.fsync(directory)
-    finally:
-        os.close(directory)
+        return read_journal(directory / JOURNAL, whose.words)
+    except FileNotFoundError:
+        if earlier := sorted(directory.glob(EARLIER)):
+            raise _useless(directory, f"{earlier[-1].name} is of an earlier version") from None
+        return None
+    except OSError as error:
+        raise _useless(directory, f"{JOURNAL}: {error.strerror}") from None
 
 
-def _fingerprint(arrays: Mapping[str, Array]) -> str:
-    """SHA-256 of names, types, shapes and content."""
-    total = hashlib.sha256()
-    for name, values in sorted(arrays.items()):
-        total.update(f"{name} {values.dtype.str} {values.shape} ".encode())
-        total.update(np.ascontiguousarray(values).tobytes())
-    return total.hexdigest()
+def _useless(directory: Path, words: str) -> CheckpointError:
+    return CheckpointError(
+        f"{directory}: no checkpoint can be used ({words}); name another directory, or delete this one to start anew"
+    )
+
+
+def _strange(header: str, whose: CheckpointMetadata) -> list[str]:
+    """In which words a header is not that of one's own journal."""
+    expected, found = _said(whose.words), _said(header)
+    return [
+        f"{name} is {found.get(name)!r}, expected {value!r}"
+        for name, value in expected.items()
+        if found.get(name) != value
+    ]
+
+
+def _said(header: str) -> dict[str, str]:
+    return {name: value for name, _, value in (line.partition(" ") for line in header.splitlines())}
+
+
+def _read(content: Buffer) -> dict[str, Array]:
+    arrays: dict[str, Array] = load(bytes(content))
+    return arrays
+
+
+def _lasting(arrays: Mapping[str, Array]) -> Parameters:
+    return Parameters(*(arrays[name] for name in LASTING))

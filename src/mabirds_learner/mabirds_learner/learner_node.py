@@ -22,7 +22,6 @@ from mabirds_learner.learner_session import LearnerSession
 from mabirds_learner.lookout import Lookout, Sight
 from mabirds_learner.member import Limits
 from mabirds_learner.outlet import NodeOutlet
-from mabirds_learner.parameters_log import SUFFIX, ParametersLog
 from mabirds_learner.progress_node import ProgressNode
 from mabirds_learner.push_sum_exchange import PushSumExchange
 from mabirds_learner.push_sum_member import PushSumMember
@@ -76,7 +75,6 @@ class LearnerNode(ProgressNode):
         self.parameter_history = self.get_param("parameter_history") or default_history(self.schedule)
         self.presence = LivelinessMonitor(self._on_presence)
         self.session, self._exchange = self._session_and_exchange()
-        self._log: ParametersLog | None = None
         self._departed_at: float | None = None
         self.done = False
         self._checkpoints = self._open_checkpoints()
@@ -106,7 +104,7 @@ class LearnerNode(ProgressNode):
         mixing, learner = self.experiment.mixing, build_learner(self.experiment, self.learner_name)
         identity = Identity(self.learner_name, self.experiment_digest, self.schedule)
         outlet = NodeOutlet(self, self.presence, self.parameter_history)
-        here = (identity, outlet, self.schedule_next_step)
+        here = (identity, outlet, self.go_on)
         if isinstance(mixing, ResilientMixing):
             member = PushSumMember(learner, self._limits, late_joiner=self.get_param("late_joiner"))
             resilient = LearnerSession(member)
@@ -135,29 +133,19 @@ class LearnerNode(ProgressNode):
         if not self.get_param("checkpoints"):
             return None
         metadata = CheckpointMetadata(self.learner_name, self.experiment_digest, self.schedule.digest)
-        store = CheckpointStore(Path(self.get_param("checkpoints")), metadata, self.parameter_history)
-        checkpoint = store.load()
-        if checkpoint:
-            self.session.restore(checkpoint)
+        place, history = Path(self.get_param("checkpoints")), self.parameter_history
+        store = CheckpointStore(place, metadata, self.session.parameters, history)
+        if checkpoints := store.load():
+            self.session.restore(checkpoints)
             self.set_event("; ".join([f"resumed at iteration {self.session.iteration}", *store.refused]))
         else:
             store.save(self.session.iteration, self.session.arrays())  # a neighbour may ask for the first one, too
-        self._log = self._open_log(store.directory)
         return store
-
-    def _open_log(self, directory: Path) -> ParametersLog:
-        """All of this learner's past, for those who missed more than is kept in memory."""
-        log = ParametersLog(directory / f"{topics.PARAMETERS}{SUFFIX}", self.session.parameters, self.experiment_digest)
-        for iteration, parameters in self.session.kept.items():
-            log[iteration] = parameters
-        return log
 
     def destroy_node(self) -> None:
         """Let go of the checkpoints with the node."""
         if self._checkpoints:
             self._checkpoints.close()
-        if self._log:
-            self._log.close()
         super().destroy_node()
 
     def save(self) -> None:
@@ -165,15 +153,14 @@ class LearnerNode(ProgressNode):
 
         Where it cannot be written, as on a full disk, this learner waits until it can.
         """
-        while self._checkpoints and self._log and not self._is_saved(self._checkpoints, self._log):
+        while self._checkpoints and not self._is_saved(self._checkpoints):
             time.sleep(SAVE_AGAIN)
             if not self.context.ok():
                 raise ExternalShutdownException
 
-    def _is_saved(self, checkpoints: CheckpointStore, log: ParametersLog) -> bool:
+    def _is_saved(self, checkpoints: CheckpointStore) -> bool:
         try:
             checkpoints.save(self.session.iteration, self.session.arrays())
-            log[self.session.iteration] = self.session.parameters
         except CheckpointError as error:
             self.count_drop(UNSAVED, f"waits to save iteration {self.session.iteration}: {error}")
             self.publish_status()
@@ -214,13 +201,13 @@ class LearnerNode(ProgressNode):
                 self._strangers.add(message.experiment_digest[:MAX_DIGEST])
             self.reject(f"{topics.DEMONSTRATION} {message.iteration}", error)
         else:
-            self.schedule_next_step()
+            self.go_on()
 
     def _on_presence(self, name: str) -> None:
         alive = not self.presence.is_lost(name)
         self.set_event(f"{name} is {'back' if alive else f'gone: silent for {LIVELINESS_LEASE:g} s'}")
         self._exchange.on_presence(name, alive=alive)
-        self.schedule_next_step()
+        self.go_on()
 
     def on_timer(self) -> None:
         """Say that this learner lives, and mend what has been missing since the last time."""
@@ -244,7 +231,8 @@ class LearnerNode(ProgressNode):
     def _on_fetch(
         self, request: FetchParameters.Request, response: FetchParameters.Response
     ) -> FetchParameters.Response:
-        parameters = self.session.kept.get(request.iteration) or (self._log or {}).get(request.iteration)
+        written = self._checkpoints.parameters if self._checkpoints else {}
+        parameters = self.session.kept.get(request.iteration) or written.get(request.iteration)
         response.found = parameters is not None
         if parameters is None:
             kept = list(self.session.kept)

@@ -1,12 +1,11 @@
 """theta(n), omega(n) of all iterations on disk: a file per learner in which n decides the place.
 
 Learners keep some hundred iterations in memory, and whoever watches them keeps none. Each record carries its iteration
-and a checksum, so that one that was never written, or only in part, is seen to be missing. Records are not
-synchronised to the disk: a killed process loses none, and what a power cut takes is in the checkpoints.
+and a checksum (records.py), so that one that was never written, or only in part, is seen to be missing. Records are not
+synchronised to the disk one by one: a killed process loses none, and what a power cut takes is in the checkpoints.
 """
 
 import os
-import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -15,19 +14,14 @@ import numpy as np
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Vector
 from mabirds_core.errors import CheckpointError
+from mabirds_learner.records import HEADER, Format, Record, words_of, write_all
 
 SUFFIX = ".log"
 
-HEADER = 256
-"""Bytes at the beginning of a file, which say what it holds."""
-
-FORMAT = "mabirds-log-1"
+FORMAT = "mabirds-log-2"
 
 READ_AT_ONCE = 2**20
 """Bytes of a file that are looked through in one piece when it is opened."""
-
-ITEM = 8
-"""Bytes of a float64."""
 
 
 class VectorLog(Mapping[int, Vector]):
@@ -50,23 +44,25 @@ class VectorLog(Mapping[int, Vector]):
 
     def __init__(self, file: Path, size: int, whose: str) -> None:
         self.file, self._size = file, size
-        self._record = (size + 2) * ITEM  # the iteration before, the checksum behind
+        self._format = Format(f"{FORMAT} {size} {whose}\n")
+        self._record = Record(0, np.zeros(size).tobytes()).size
         self._there = np.zeros(64, dtype=np.bool_)
         self._count = self.newest = 0
         file.parent.mkdir(parents=True, exist_ok=True)
         self._descriptor = os.open(file, os.O_RDWR | os.O_CREAT, 0o644)
-        header = f"{FORMAT} {size} {whose}\n".encode().ljust(HEADER, b"\0")
-        found = os.pread(self._descriptor, HEADER, 0)
-        if len(found) < HEADER:
-            os.pwrite(self._descriptor, header, 0)
-        elif found != header:
-            self.close()
-            words = found.rstrip(b"\n\0").decode(errors="replace")
-            raise CheckpointError(
-                f"{file}: is {words!r}, expected {header.rstrip(bytes(1)).decode().strip()!r}; name another directory,"
-                " or delete this file"
-            )
+        self._require_header()
         self._look_through()
+
+    def _require_header(self) -> None:
+        found, expected = os.pread(self._descriptor, HEADER, 0), self._format.header
+        if len(found) < HEADER:
+            os.pwrite(self._descriptor, expected, 0)
+        elif found != expected:
+            self.close()
+            raise CheckpointError(
+                f"{self.file}: is {words_of(found)!r}, expected {words_of(expected)!r}; name another directory, or"
+                " delete this file"
+            )
 
     def _look_through(self) -> None:
         """Note which records are whole."""
@@ -74,10 +70,15 @@ class VectorLog(Mapping[int, Vector]):
         first = 1
         while content := os.pread(self._descriptor, at_once * self._record, self._place(first)):
             for offset in range(0, len(content) // self._record * self._record, self._record):
-                record = content[offset : offset + self._record]
-                if _is_whole(record, n := first + offset // self._record):
+                if self._found(content, n := first + offset // self._record, offset):
                     self._note(n)
             first += at_once
+
+    def _found(self, content: bytes, iteration: int, offset: int = 0) -> Record | None:
+        """The record of this iteration, if it is there and whole."""
+        record = self._format.unpack(content, offset)
+        fits = record is not None and (record.iteration, record.size) == (iteration, self._record)
+        return record if fits else None
 
     def _note(self, iteration: int) -> None:
         if iteration in self:
@@ -92,10 +93,12 @@ class VectorLog(Mapping[int, Vector]):
         return HEADER + (iteration - 1) * self._record
 
     def __setitem__(self, iteration: int, values: Vector) -> None:
-        record = np.concatenate([[float(iteration)], values, [0.0]])
-        record[-1] = zlib.crc32(record[:-1].tobytes())
         try:
-            os.pwrite(self._descriptor, record.tobytes(), self._place(iteration))
+            write_all(
+                self._descriptor,
+                self._format.pack(iteration, np.asarray(values, np.float64).tobytes()),
+                self._place(iteration),
+            )
         except OSError as error:
             raise CheckpointError(f"{self.file}: cannot be written ({error.strerror}); make room") from None
         self._note(iteration)
@@ -103,12 +106,12 @@ class VectorLog(Mapping[int, Vector]):
     def __getitem__(self, iteration: int) -> Vector:
         if iteration not in self:
             raise KeyError(iteration)
-        content = os.pread(self._descriptor, self._record, self._place(iteration))
-        if not _is_whole(content, iteration):  # damaged while the file was open: as good as never written
+        record = self._found(os.pread(self._descriptor, self._record, self._place(iteration)), iteration)
+        if record is None:  # damaged while the file was open: as good as never written
             self._there[iteration] = False
             self._count -= 1
             raise KeyError(iteration)
-        return np.frombuffer(content, dtype=np.float64)[1:-1].copy()
+        return np.frombuffer(record.content, dtype=np.float64).copy()
 
     def __contains__(self, iteration: object) -> bool:
         return isinstance(iteration, int) and 0 < iteration < self._there.size and bool(self._there[iteration])
@@ -125,6 +128,16 @@ class VectorLog(Mapping[int, Vector]):
         known = self._there[: last + 1]
         there[: known.size] = known
         return [int(n) for n in np.flatnonzero(~there) if n > 0]
+
+    def synchronise(self) -> None:
+        """See to it that all is on the disk.
+
+        Raises
+        ------
+        OSError
+            It cannot be.
+        """
+        os.fdatasync(self._descriptor)
 
     def close(self) -> None:
         """Close the file; nothing can be read afterwards."""
@@ -185,14 +198,16 @@ class ParametersLog(Mapping[int, Parameters]):
         """Iterations from 1 to ``last`` that are not there."""
         return self._vectors.gaps(last)
 
+    def synchronise(self) -> None:
+        """See to it that all is on the disk.
+
+        Raises
+        ------
+        OSError
+            It cannot be.
+        """
+        self._vectors.synchronise()
+
     def close(self) -> None:
         """Close the file; nothing can be read afterwards."""
         self._vectors.close()
-
-
-def _is_whole(record: bytes, iteration: int) -> bool:
-    """Does a record hold this iteration, undamaged?"""
-    if len(record) < 2 * ITEM:
-        return False
-    first, checksum = np.frombuffer(record[:ITEM])[0], np.frombuffer(record[-ITEM:])[0]
-    return bool(first == iteration and checksum == zlib.crc32(record[:-ITEM]))

@@ -26,7 +26,13 @@ from mabirds_msgs_py.security import is_requested
 from mabirds_msgs_py.settings_inquiry import declare_settings
 
 STATUSES_AN_ITERATION = 8
-"""No more than these, as a rule: one for each arrival, one for the update, one for each second in between."""
+"""No more than these, as a rule: one for the update; where it is slow one for each arrival and second in between."""
+
+QUIET = 0.05
+"""Seconds after a status in which arrivals are not told: where learning is fast, each update is told once."""
+
+TURN = 0.01
+"""Seconds for which updates are made one after the other before others get a turn."""
 
 
 class ProgressNode(NetworkNode):
@@ -67,7 +73,7 @@ class ProgressNode(NetworkNode):
         declare_settings(self, settings_lines(self.experiment, run))
         self.service_name = partial(topics.of_run, run=run, digest=self.experiment_digest, secured=secured)
         self._drops: Counter[str] = Counter()
-        self._event = ""
+        self._event, self._told_at, self._update_seconds = "", 0.0, QUIET
 
     def get_param(self, name: str) -> Any:
         """The value of a ROS parameter."""
@@ -95,8 +101,7 @@ class ProgressNode(NetworkNode):
         self._diagnosed_at = 0
         self.create_timer(self.get_param("status_period"), self.on_timer)
         self.create_timer(diagnostics.PERIOD, self._publish_diagnostics)
-        # Triggered when the next update can be made, so that each is a callback of its own and others get a turn.
-        self._next = self.create_guard_condition(self._advance)
+        self._next = self.create_guard_condition(self.go_on)
         self.publish_history()
         self.publish_status()
 
@@ -150,23 +155,25 @@ class ProgressNode(NetworkNode):
         if self._drops[reason] == 1:
             self.get_logger().warning(words)
 
-    def schedule_next_step(self) -> None:
-        """Publish where this node stands, and see to it that the next update is made once it can be."""
-        self.publish_status()
-        if self.session.ready:
-            self._next.trigger()
+    def go_on(self) -> None:
+        """Something has arrived: make the updates for which everything is there, and tell of it."""
+        begun = time.monotonic()
+        if begun - self._told_at >= QUIET or (self.session.ready and self._update_seconds >= QUIET):
+            self.publish_status()
+        while self.session.ready:
+            if time.monotonic() - begun > TURN:
+                self._next.trigger()
+                return
+            self._update()
 
-    def _advance(self) -> None:
-        """One update, if everything for it is there."""
-        if not self.session.ready:
-            return
+    def _update(self) -> None:
         start = time.perf_counter()
         metrics = self.session.step()
-        seconds = time.perf_counter() - start
-        self._metrics = {"iteration_seconds": seconds, **norms(self.session.parameters), **metrics}
+        self._update_seconds = time.perf_counter() - start
+        self._metrics = {"iteration_seconds": self._update_seconds, **norms(self.session.parameters), **metrics}
         self.save()
         self.publish_update()
-        self.schedule_next_step()
+        self.publish_status()
         if self.session.finished:
             self.get_logger().info(f"{self.learner_name}: all {self.experiment.iterations} demonstrations learned")
 
@@ -221,7 +228,7 @@ class ProgressNode(NetworkNode):
 
     def publish_status(self) -> None:
         """Tell where this node stands."""
-        session = self.session
+        session, self._told_at = self.session, time.monotonic()
         message = LearnerStatus(
             learner=self.learner_name,
             game_digest=self.game.digest,

@@ -14,6 +14,7 @@ from rclpy.node import Node
 
 from mabirds_core.errors import MabirdsError
 from mabirds_msgs_py.addresses import AddressWatch
+from mabirds_msgs_py.message_loop import MessageLoop
 from mabirds_msgs_py.network_node import require_known_parameters
 from mabirds_msgs_py.security import start_ros
 
@@ -67,15 +68,16 @@ def run_node(create: Callable[[], Node], help_text: str, arguments: Sequence[str
         executor = SingleThreadedExecutor()  # before the node is seen: whoever sees it may end this process
         node = create()
         require_known_parameters(node)
-        executor.add_node(node)
+        loop = MessageLoop(node, executor)
         while rclpy.ok() and not getattr(node, "done", False):
-            executor.spin_once(timeout_sec=IDLE_WAKE_UP)
+            loop.spin_once(timeout_sec=IDLE_WAKE_UP)
             if not told and (words := addresses.changed()):
                 if SUPERVISOR in os.environ:
                     print(f"{words}; to be started again", file=sys.stderr)  # noqa: T201 - into the log
                     return EXIT_MOVED
                 node.get_logger().warning(f"{words}: others may not hear this process; start it again")
                 told = True
+        loop.close()
         node.destroy_node()
     except BAD_INPUT as error:
         return _refuse(error)

@@ -19,7 +19,7 @@ from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.digest import arrays_digest
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.file import load_experiment
-from mabirds_learner.parameters_log import HEADER
+from mabirds_learner.records import HEADER
 
 CONFIG = Path(__file__).resolve().parents[3] / "ros_ws" / "config"
 

@@ -16,6 +16,8 @@ from games import (
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_core.metrics.likelihood import log_likelihoods
+from mabirds_core.planners.soft_bellman import SoftBellmanPlanner
+from mabirds_core.rewards.models import LinearReward
 
 
 @pytest.mark.parametrize("game", [alone(), hallway(horizon=1)], ids=["alone", "hallway"])
@@ -56,3 +58,18 @@ def test_no_demonstration_has_no_likelihood() -> None:
     game = alone()
     none = Trajectories(np.empty((0, 4), dtype=np.int64), np.empty((0, 4), dtype=np.int64))
     assert log_likelihoods(game, random_policy(game, np.random.default_rng(3)), none).shape == (0,)
+
+
+def test_all_steps_at_once_are_as_step_by_step_to_the_last_bit() -> None:
+    game, rng = hallway(horizon=5), np.random.default_rng(4)
+    reward = LinearReward(game.reward_features)
+    theta, omega = rng.normal(size=reward.size), -rng.exponential(size=len(game.cost_features.names))
+    policy = SoftBellmanPlanner(game, reward, game.cost_features).plan(theta, omega)
+    states, actions = rng.integers(game.n_states, size=(30, 6)), rng.integers(game.n_actions, size=(30, 6))
+    assert hasattr(policy, "log_chances")
+    total = np.zeros(30)
+    for step in range(6):
+        under_way = np.flatnonzero(~game.goal[states[:, step]])
+        chances = policy.log_probabilities(step, states[under_way, step])
+        total[under_way] += chances[np.arange(len(under_way)), actions[under_way, step]]
+    assert log_likelihoods(game, policy, Trajectories(states, actions)).tobytes() == total.tobytes()

@@ -10,7 +10,10 @@ from mabirds_bringup.bench.command import FIRST_SEED, command_line, results_of, 
 from mabirds_bringup.bench.outcome import run_case
 from mabirds_bringup.bench.study import load_study, packaged_studies
 from mabirds_bringup.commands.bench_behaviour import behaviour
+from mabirds_bringup.commands.bench_exchange import exchange
+from mabirds_bringup.commands.bench_online import online
 from mabirds_bringup.commands.bench_solve import solve
+from mabirds_bringup.commands.bench_start import start
 from mabirds_bringup.commands.bench_theory import theory
 from mabirds_bringup.commands.options import FirstSeed, Jobs, Json, MostIterations, Seeds
 from mabirds_bringup.console import guarded_output, print_json
@@ -82,4 +85,7 @@ for command in (*packaged_studies(), STUDY):
     bench_app.command(command)(study)
 bench_app.command()(behaviour)
 bench_app.command()(solve)
+bench_app.command()(exchange)
+bench_app.command()(start)
+bench_app.command()(online)
 bench_app.command()(theory)

@@ -50,6 +50,16 @@ def _command(module: str, name: str, experiment: Path, parameters: Mapping[str, 
     return [sys.executable, "-m", module, "--ros-args", "-r", f"__ns:=/{name}", *enclave, *arguments]
 
 
+def command_of(module: str, name: str) -> list[str]:
+    """The command line of a process of a namespace that has no parameters."""
+    return [sys.executable, "-m", module, "--ros-args", "-r", f"__ns:=/{name}"]
+
+
+def bare_command(name: str, experiment: Path) -> list[str]:
+    """The command line of a process that passes what a learner passes, and does nothing else."""
+    return _command("mabirds_bringup.bench.exchange.bare", name, experiment, {})
+
+
 def player_command(experiment: Path, parameters: Mapping[str, object]) -> list[str]:
     """The command line of the expert player's process."""
     arguments = _parameters({"experiment": str(experiment), **parameters})

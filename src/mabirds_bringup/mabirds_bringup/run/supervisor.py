@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from mabirds_bringup import exit_codes
 from mabirds_bringup.exit_codes import BAD_INPUT
 from mabirds_bringup.run import processes
 from mabirds_bringup.run.processes import NodeProcess
@@ -27,6 +28,8 @@ HEALTHY = 10.0
 
 class ProcessDiedError(MabirdsError):
     """A node ended before its time."""
+
+    exit_code = exit_codes.PROCESS_DIED
 
 
 @dataclass

@@ -8,6 +8,7 @@ from mabirds_msgs.msg import PlayerStatus
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
+from mabirds_bringup import exit_codes
 from mabirds_core.errors import MabirdsError
 from mabirds_core.texts import sanitize
 from mabirds_msgs_py.player_services import STATUS, service_package, service_type
@@ -19,6 +20,8 @@ REASON_PATIENCE = 2.0
 
 class NoPlayerError(MabirdsError):
     """There is no player of this name."""
+
+    exit_code = exit_codes.NOBODY_THERE
 
 
 class PlayerClient(Node):

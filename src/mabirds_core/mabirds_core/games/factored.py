@@ -98,6 +98,12 @@ class Factors:
         after = self.after(self.coupled_states[state], action)
         return Ways(self.coupled_levels[state, action], state, after, entries.T)
 
+    @cached_property
+    def offsets(self) -> tuple[Indices, Indices]:
+        """By how many cells moves of the last expert lead on, each once, and which of them is each, shape (n, M)."""
+        offset, which = np.unique(self.successor[-1] - np.arange(self.n_cells)[:, None], return_inverse=True)
+        return offset, which
+
     def after(self, states: Indices, actions: Indices) -> Indices:
         """Where joint actions lead.
 
@@ -116,6 +122,28 @@ class Factors:
         own = zip(self.successor, self.cells(states), self.moves(actions), strict=True)
         cells = tuple(successor[cell, move] for successor, cell, move in own)
         return np.asarray(np.ravel_multi_index(cells, (self.n_cells,) * self.n_experts))
+
+    def level(self, states: Indices, actions: Indices) -> NDArray[np.uint8]:
+        """The level of single joint actions.
+
+        Parameters
+        ----------
+        states : Indices
+            Joint states, shape (M,).
+        actions : Indices
+            A joint action in each, shape (M,).
+
+        Returns
+        -------
+        NDArray[np.uint8]
+            Shape (M,).
+        """
+        levels = np.zeros(len(states), dtype=np.uint8)
+        if len(self.coupled_states):
+            places = np.minimum(np.searchsorted(self.coupled_states, states), len(self.coupled_states) - 1)
+            coupled = self.coupled_states[places] == states
+            levels[coupled] = self.coupled_levels[places[coupled], actions[coupled]]
+        return levels
 
     def levels(self, states: Indices) -> NDArray[np.uint8]:
         """The level of every joint action in M joint ``states``, shape (M, A)."""

@@ -93,7 +93,7 @@ class _Arguments:
                 f"{factors.n_experts} experts with {factors.n_moves} moves: the kernels have room for {MOST_EXPERTS}"
                 f" with {MOST_MOVES}; set MABIRDS_KERNELS=off"
             )
-        offset, offset_of = np.unique(factors.successor[-1] - np.arange(factors.n_cells)[:, None], return_inverse=True)
+        offset, offset_of = factors.offsets
         arrays = (
             factors.successor,
             offset,

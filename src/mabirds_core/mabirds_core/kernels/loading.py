@@ -62,4 +62,4 @@ def pointer(array: np.ndarray, dtype: type = np.float64) -> ctypes.c_void_p:
     """
     if array.dtype != dtype or not array.flags.c_contiguous:
         raise ValueError(f"a kernel takes contiguous {np.dtype(dtype)}, found {array.dtype} {array.flags}")
-    return ctypes.c_void_p(array.ctypes.data)
+    return ctypes.c_void_p(array.__array_interface__["data"][0])

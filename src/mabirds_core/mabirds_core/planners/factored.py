@@ -114,6 +114,32 @@ class FactoredPolicy:
             logs += of_expert[own_cells[:, None], own_moves]
         return np.asarray(logs)
 
+    def log_chances(self, steps: Indices, states: Indices, actions: Indices) -> Vector:
+        """The same of single actions: log pi_t(a | s), to the last bit.
+
+        Parameters
+        ----------
+        steps : Indices
+            t, shape (M,).
+        states : Indices
+            Joint states, shape (M,).
+        actions : Indices
+            Joint actions, shape (M,).
+
+        Returns
+        -------
+        Vector
+            Shape (M,).
+        """
+        factors, gain, alone = self.game.factors, self.solution.gain, self.solution.alone
+        logs = self.game.discount * gain[steps + 1, factors.after(states, actions)]
+        logs = logs + self.reward.levels[factors.level(states, actions)]
+        logs += self.reward.states[states] - gain[steps, states]
+        for expert, (cell, move) in enumerate(zip(factors.cells(states), factors.moves(actions), strict=True)):
+            worth = self.game.discount * alone[steps + 1, expert, factors.successor[expert, cell, move]]
+            logs += self.reward.moves[expert, cell, move] + worth - alone[steps, expert, cell]
+        return np.asarray(logs)
+
     def _alone(self, step: int) -> Array:
         """log p_i(m | c) of each expert alone, shape (N_E, n, M)."""
         here, after = self.solution.alone[step : step + 2]

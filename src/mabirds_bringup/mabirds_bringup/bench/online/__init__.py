@@ -1,0 +1,1 @@
+"""How many demonstrations a second are learned through ROS, by learners and by central methods."""

@@ -1,0 +1,110 @@
+"""The highest rate of demonstrations at which no backlog grows, of each method on the shipped experiments.
+
+The player sends as fast as it is let: it holds back for whoever has ``max_in_flight`` demonstrations before them, so
+that the rate at which iterations follow each other is the highest that lasts.
+"""
+
+import tempfile
+from collections import defaultdict
+from functools import partial
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import yaml
+
+from mabirds_bringup.bench.exchange.measure import measure, prepared
+from mabirds_bringup.run.processes import baseline_command, learner_command
+
+LEARNERS = "mabirds"
+"""The method that is no central one."""
+
+METHODS = (LEARNERS, "bics", "ftl", "dlm")
+
+RIVAL = "bics"
+"""One learner that gets everything: whom a network of learners must keep pace with."""
+
+Figures = dict[str, float]
+
+
+def lengthened(source: Path, directory: Path, iterations: int) -> Path:
+    """A shipped experiment with more demonstrations, which are recorded.
+
+    Parameters
+    ----------
+    source : Path
+        Its file.
+    directory : Path
+        Where the new file and the bag go.
+    iterations : int
+        How many.
+
+    Returns
+    -------
+    Path
+        The new file.
+    """
+    content = yaml.safe_load(source.read_text(encoding="utf-8"))
+    content["iterations"] = content["demonstrations"]["per_learner"] = iterations
+    content["demonstrations"]["bag"] = "bag"
+    directory.mkdir()
+    file = directory / source.name
+    file.write_text(yaml.safe_dump(content), encoding="utf-8")
+    return prepared(file)
+
+
+def compare(source: Path, iterations: int, repetitions: int) -> Figures:
+    """Time all methods in turns.
+
+    Parameters
+    ----------
+    source : Path
+        Of a shipped experiment.
+    iterations : int
+        Of each run.
+    repetitions : int
+        Of each method; the fastest is told, the ratio is a median.
+
+    Returns
+    -------
+    dict[str, float]
+        Iterations a second and processor milliseconds by method, and how many times the rival's rate learners have.
+    """
+    runs: defaultdict[str, list[Figures]] = defaultdict(list)
+    with tempfile.TemporaryDirectory(prefix="mabirds-online-") as temporary:
+        file = lengthened(source, Path(temporary) / "experiment", iterations)
+        for number in range(repetitions):
+            for method in METHODS:
+                logs = Path(temporary) / f"{method}_{number}"
+                central = "" if method == LEARNERS else method
+                runs[method].append(measure(file, partial(_command, file, central), logs, central))
+    fastest = {method: max(figures, key=lambda run: run["rate"]) for method, figures in runs.items()}
+    told = {
+        f"{method}_{key}": run[key] for method, run in fastest.items() for key in ("rate", "processor_milliseconds")
+    }
+    pairs = zip(runs[LEARNERS], runs[RIVAL], strict=True)
+    return {**told, "times_of_rival": median(ours["rate"] / theirs["rate"] for ours, theirs in pairs)}
+
+
+def _command(file: Path, method: str, name: str) -> list[str]:
+    return baseline_command(method, file) if method else learner_command(name, file)
+
+
+def targets(results: dict[str, Figures]) -> list[dict[str, Any]]:
+    """Compare with what is asked for.
+
+    Parameters
+    ----------
+    results : dict[str, Figures]
+        By experiment.
+
+    Returns
+    -------
+    list[dict[str, Any]]
+        name, value, target, at_most, met.
+    """
+    values = {f"{name}: rate of learners, of {RIVAL}'s": found["times_of_rival"] for name, found in results.items()}
+    return [
+        {"name": name, "value": value, "target": 1.0, "at_most": False, "met": value >= 1.0}
+        for name, value in values.items()
+    ]

@@ -1,0 +1,61 @@
+"""``mabirds bench online``: how many demonstrations a second are learned."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from mabirds_bringup.commands.options import Json
+from mabirds_bringup.console import console, guarded_output, print_json
+
+EXPERIMENTS = ("ros_ws/config/patrol.yaml", "ros_ws/config/discrete.yaml")
+"""That the package has in its folder config."""
+
+
+def online(
+    iterations: Annotated[int, typer.Option(help="Of each run.", min=20)] = 150,
+    repetitions: Annotated[int, typer.Option(help="Of each method, in turns.", min=1)] = 3,
+    as_json: Json = False,
+) -> None:
+    """Find the highest rate of demonstrations at which no backlog grows: of learners, BICS, FTL and DLM.
+
+    Example: mabirds bench online --iterations 60 --repetitions 1 --json
+    """
+    with guarded_output() as stdout:
+        content = measured(iterations, repetitions)
+        for target in content["targets"]:
+            verdict = "met   " if target["met"] else "MISSED"
+            console.print(f"{verdict} {target['name']}: {target['value']:.3g}, at least {target['target']:g}")
+        if as_json:
+            print_json(content, stdout)
+
+
+def measured(iterations: int, repetitions: int) -> dict[str, Any]:
+    """Run all methods, one after the other.
+
+    Parameters
+    ----------
+    iterations : int
+        Of each run.
+    repetitions : int
+        Of each method.
+
+    Returns
+    -------
+    dict[str, Any]
+        machine, results, targets.
+    """
+    # Loads ROS.
+    import os
+
+    import mabirds_bringup
+    from mabirds_bringup.bench.online.compare import compare, targets
+    from mabirds_bringup.bench.report import machine
+    from mabirds_msgs_py.environment import prepare_environment
+
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    prepare_environment()
+    config = Path(mabirds_bringup.__file__).parent / "config"
+    files = {Path(name).stem: config / Path(name).name for name in EXPERIMENTS}
+    results = {name: compare(file, iterations, repetitions) for name, file in files.items()}
+    return {"machine": machine("numpy", "ros-rclpy"), "results": results, "targets": targets(results)}
