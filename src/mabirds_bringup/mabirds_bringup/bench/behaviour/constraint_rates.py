@@ -51,7 +51,7 @@ def where_as_many_are_found(rows: pl.DataFrame) -> dict[str, Any] | None:
 
 
 def trade_off_figure(rows: pl.DataFrame) -> Figure:
-    """Share found against false discoveries, a marker for each level; hollow: the level that is used."""
+    """Share found against false discoveries, a marker for each level, a circle for the one that is used."""
     figure, axis = plt.subplots(figsize=(6, 3.4), layout="constrained")
     own = constraint_rates(rows)
     for (method,), of in rates_by_level(rows).group_by("method", maintain_order=True):
@@ -60,5 +60,5 @@ def trade_off_figure(rows: pl.DataFrame) -> Figure:
         axis.plot(*(used[column] for column in SHOWN), "o", markersize=9, fillstyle="none", color=line.get_color())
     axis.set(xlabel="false discovery rate", ylabel="share of the decidable found", xlim=(0, None))
     figure.legend(loc="outside right upper", fontsize=8)
-    figure.suptitle("Constraints at any confidence; hollow: at the one that is used", fontsize=10)
+    axis.set_title("Constraints at any confidence; circles: at the one that is used", fontsize=10)
     return figure

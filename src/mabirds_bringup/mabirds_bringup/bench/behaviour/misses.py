@@ -6,6 +6,7 @@ from typing import Any
 import polars as pl
 
 from mabirds_bringup.bench.behaviour.draw import draw
+from mabirds_bringup.evaluate.evaluation import learned_constraints
 from mabirds_core.experiment.assembly import build_game, evaluation_policy
 from mabirds_core.experiment.simulate import simulate
 from mabirds_core.games.whole_game import Learned
@@ -68,5 +69,6 @@ def pictures(misses: list[dict[str, Any]], game_kind: str, demonstrations: int) 
         experiment, name = problem.experiment, miss["learner"]
         game, last = build_game(experiment), simulate(experiment, problem.streams)[name][-1]
         policy = evaluation_policy(experiment, name, game)(last)
-        learned = {f"seed {miss['seed']}, {name}": Learned(policy, last.omega, game.true_constraints)}
+        constraints = learned_constraints(experiment, name, last, problem.streams, game).learned
+        learned = {f"seed {miss['seed']}, {name}": Learned(policy, last.omega, constraints)}
         yield f"miss_{miss['seed']}.png", game.figure(learned, experiment.constraint_threshold, experiment.seed)

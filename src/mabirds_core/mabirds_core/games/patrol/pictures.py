@@ -128,7 +128,7 @@ def map_figure(game: PatrolGame, learned: Mapping[str, Learned]) -> Figure:
             draw_map(axis, game, expert, visited[expert], constrained[cells])
             axis.set_title(f"{name}: expert {expert + 1}", fontsize=9)
         column[-1].set_xlabel(_joint_constraints(constrained), fontsize=7)
-    figure.suptitle("learned policy (blue), learned constraints (red), true obstacles (grey)", fontsize=10)
+    figure.suptitle("policy (blue), constraints (red) as learned;\ntrue obstacles (grey)", fontsize=10)
     return figure
 
 
