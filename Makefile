@@ -21,7 +21,7 @@ simulate: setup ## run the same experiment in one process, without ROS
 	.venv/bin/mabirds simulate $(EXPERIMENT) $(ARGS)
 
 test: lint ## lint, then run the tests (the slow ones too: ARGS="-m ''")
-	.venv/bin/python -m pytest --numprocesses 2 --dist loadfile $(ARGS)
+	.venv/bin/python -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder $(ARGS)
 
 lint: setup ## check style and types
 	.venv/bin/ruff check

@@ -34,6 +34,11 @@ _domains = (DOMAINS[(os.getpid() + number) % len(DOMAINS)] for number in itertoo
 MakeExperiment = Callable[..., Path]
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Files with the longest tests first: where two run at a time, none is left for the end."""
+    items.sort(key=lambda item: "network" not in item.path.parts)
+
+
 @pytest.fixture(autouse=True)
 def ros_domain(monkeypatch: pytest.MonkeyPatch) -> int:
     """A ROS domain that no other test uses, for this process and its children."""

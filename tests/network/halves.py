@@ -17,6 +17,7 @@ from namespaces import VirtualLan, virtual_lan
 from mabirds_bringup.commands.simulate import simulate_from_bag
 from mabirds_bringup.run.stored_run import load_run
 from mabirds_core.experiment.simulate import History
+from mabirds_learner.checkpoint import newest_of_anybody
 
 MABIRDS = str(Path(sys.executable).with_name("mabirds"))
 
@@ -70,8 +71,8 @@ class Halves:
 
     def newest(self, host: str) -> int:
         """The newest iteration that a learner of a host has written down."""
-        files = (self.directory / host / "latest").glob("checkpoints/*/*.safetensors")
-        return max((int(file.stem) for file in files), default=0)
+        places = (self.directory / host / "latest").glob("checkpoints/*")
+        return max((found[0] for found in map(newest_of_anybody, places) if found), default=0)
 
     def wait(self, condition: Callable[[], Any], timeout: float = 60.0) -> None:
         deadline = time.monotonic() + timeout

@@ -8,6 +8,8 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command, get_group
 
+from mabirds_msgs_py.early import loading
+
 
 class Verb(NamedTuple):
     """Where a verb is, and what the list of verbs says of it.
@@ -63,7 +65,8 @@ class LoadedVerbs(Mapping[str, Any]):
 
     def __getitem__(self, name: str) -> Any:
         """The command of a verb."""
-        module = import_module(f"mabirds_bringup.commands.{VERBS[name].module}")
+        with loading():
+            module = import_module(f"mabirds_bringup.commands.{VERBS[name].module}")
         own = getattr(module, f"{name}_app", None)
         if own is not None:
             group = get_group(own)

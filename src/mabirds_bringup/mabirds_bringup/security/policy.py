@@ -129,7 +129,7 @@ class Policy:
         """Who watches the network, and in resilient mode declares its members."""
         declared = [self._of(topics.MEMBERSHIP)] if self._has_members else []
         missed = self._each(self._learning, topics.FETCH_PARAMETERS)
-        yield _access("/", "monitor", publish=declared, subscribe=self._watched(), request=missed)
+        yield _access("/", "monitor", publish=declared, subscribe=[*self._watched(), *declared], request=missed)
         asked = self._each(self._learning, f"{'baseline' if self.method else 'learner'}/get_parameters")
         yield _access("/", "inspector", subscribe=self._watched(), request=asked)
         called = [self._of(PLAYER, service) for service in player_services.PLAYER_SERVICES]

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import block_diag, csr_array
 
 from mabirds_core.arrays import Array, Indices, Mask, Vector
 from mabirds_core.games.drones.drone_nodes import Rewards
@@ -67,11 +68,22 @@ class FieldGrid:
         return self.arrived(self.after)
 
     @cached_property
-    def shifts(self) -> tuple[Float, Float]:
-        """Interpolation where actions lead: matrices along x, (Q X, X), and along y, (Q, Y, Y), transposed."""
+    def shifts(self) -> tuple[csr_array, csr_array]:
+        """Interpolation where actions lead: along x, (Q X, X), and along y, (Q Y, Q Y), one action after the other.
+
+        Sparse, so that sums have one order; BLAS splits those of full matrices by the threads that it has.
+        """
         x = taps(self.axes[0], self.after[:, :, 0, 0].ravel())
         y = taps(self.axes[1], self.after[:, 0, :, 1].ravel()).reshape(len(self.after), len(self.axes[1]), -1)
-        return x.astype(np.float32), np.ascontiguousarray(y.transpose(0, 2, 1), dtype=np.float32)
+        return csr_array(x.astype(np.float32)), csr_array(block_diag(y.astype(np.float32)))
+
+    def shifted(self, values: Float) -> Float:
+        """What values (X, Y) are where actions lead, shape (Q, X, Y)."""
+        along_x, along_y = self.shifts
+        actions, (wide, deep) = len(self.after), values.shape
+        ahead = (along_x @ values).reshape(actions, wide, deep).transpose(0, 2, 1)
+        ahead = along_y @ ahead.reshape(actions * deep, wide)
+        return np.asarray(ahead.reshape(actions, deep, wide).transpose(0, 2, 1))
 
     def arrived(self, places: Array) -> Mask:
         """Which places (..., 2) are in the drone's goal region, shape (...)."""
@@ -124,14 +136,14 @@ class LoneField:
             terms = (of.unary(weights, grid.drone, places, np.array(action)) for of, weights in rewards)
             return np.asarray(sum(terms, np.zeros(places.shape[:-1]))) / temperature
 
-        (actions, shares), (along_x, along_y) = grid.quadrature, grid.shifts
+        actions, shares = grid.quadrature
         middle, most = np.array(game.settings.arena) / 2, game.dynamics.max_action
         effort = float(reward(middle, (most, 0.0)) - reward(middle)) / most**2
         scores = (np.log(shares) + effort * (actions**2).sum(axis=1)).astype(np.float32)[:, None, None]
         idle, arrived = reward(grid.places).astype(np.float32), reward(grid.after[home]).astype(np.float32)
         values, left = np.zeros((game.horizon + 2, *idle.shape), np.float32), steps_left(game)
         for step in range(game.horizon, -1, -1):
-            ahead = (along_x @ values[step + 1]).reshape(home.shape) @ along_y
+            ahead = grid.shifted(values[step + 1])
             ahead[home] = left[step + 1] * arrived
             values[step] = idle + _log_sum_exp(np.float32(game.discount) * ahead + scores)
         return cls(grid, idle, effort, values)
@@ -152,7 +164,7 @@ class LoneField:
             In nats, shape (M,).
         """
         x, y = (taps(axis, places[:, i]) for i, axis in enumerate(self.grid.axes))
-        free, stays = (((x @ table) * y).sum(axis=1) for table in (self.values[step], self.idle))
+        free, stays = (((csr_array(x) @ table) * y).sum(axis=1) for table in (self.values[step], self.idle))
         home = self.grid.arrived(places)
         return np.asarray(np.where(home, steps_left(self.grid.game)[step] * stays, free))
 
