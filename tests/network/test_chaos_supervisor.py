@@ -102,7 +102,7 @@ def survive(file: Path, directory: Path, seed: int, faults: int, every: int) -> 
 
 
 def test_the_result_survives_chaos_of_the_supervisor(make_experiment: Callable[..., Path], tmp_path: Path) -> None:
-    done = survive(make_experiment(learners=2, iterations=60), tmp_path, seed=1, faults=8, every=4)
+    done = survive(make_experiment(learners=2, iterations=100), tmp_path, seed=1, faults=8, every=4)
     assert done.total() >= 6
     assert done["kill supervisor"] >= 1
 
