@@ -101,7 +101,7 @@ def test_it_is_ready_soon_and_each_costs_the_same(
         for iteration in range(1, 50_001, 25):
             assert bag.message("learner_1", iteration).iteration == iteration
         each = (time.process_time() - ready) / 2000
-    assert ready - start < READY * (2 if layout == "a chunk each" else 1)
+    assert ready - start < READY
     assert each < EACH
 
 
