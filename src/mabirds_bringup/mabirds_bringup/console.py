@@ -4,7 +4,7 @@ import json
 import os
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -94,3 +94,11 @@ def judges_table(summary: dict[str, Any]) -> Table | None:
 
 def _number(value: float | None, form: str) -> str:
     return "" if value is None else format(value, form)
+
+
+def tell_targets(targets: Iterable[Mapping[str, Any]]) -> None:
+    """Which targets of a benchmark are met, a line each: name, value, target, at_most, met."""
+    for target in targets:
+        verdict, limit = "met   " if target["met"] else "MISSED", "most" if target["at_most"] else "least"
+        name = target["name"].replace("_", " ")
+        console.print(f"{verdict} {name}: {target['value']:.3g}, at {limit} {target['target']:g}", soft_wrap=True)

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 import typer
 
 from mabirds_bringup.commands.options import Json
-from mabirds_bringup.console import console, guarded_output, print_json
+from mabirds_bringup.console import guarded_output, print_json, tell_targets
 
 
 def exchange(
@@ -21,11 +21,7 @@ def exchange(
     """
     with guarded_output() as stdout:
         content = measured(iterations, repetitions, small=small, large=large)
-        for target in content["targets"]:
-            verdict, limit = "met   " if target["met"] else "MISSED", "most" if target["at_most"] else "least"
-            console.print(
-                f"{verdict} {target['name']}: {target['value']:.3g}, at {limit} {target['target']:g}", soft_wrap=True
-            )
+        tell_targets(content["targets"])
         if as_json:
             print_json(content, stdout)
 

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from mabirds_bringup.commands.options import Json
-from mabirds_bringup.console import console, guarded_output, print_json
+from mabirds_bringup.console import guarded_output, print_json, tell_targets
 
 EXPERIMENTS = ("ros_ws/config/patrol.yaml", "ros_ws/config/discrete.yaml")
 """That the package has in its folder config."""
@@ -23,9 +23,7 @@ def online(
     """
     with guarded_output() as stdout:
         content = measured(iterations, repetitions)
-        for target in content["targets"]:
-            verdict = "met   " if target["met"] else "MISSED"
-            console.print(f"{verdict} {target['name']}: {target['value']:.3g}, at least {target['target']:g}")
+        tell_targets(content["targets"])
         if as_json:
             print_json(content, stdout)
 

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 import typer
 
 from mabirds_bringup.commands.options import Json
-from mabirds_bringup.console import console, guarded_output, print_json
+from mabirds_bringup.console import guarded_output, print_json, tell_targets
 
 
 def solve(
@@ -18,11 +18,7 @@ def solve(
     """
     with guarded_output() as stdout:
         content = measured(small)
-        for target in content["targets"]:
-            verdict = "met   " if target["met"] else "MISSED"
-            console.print(
-                f"{verdict} {target['name']}: {target['value']:.3g}, at most {target['target']:g}", soft_wrap=True
-            )
+        tell_targets(content["targets"])
         if as_json:
             print_json(content, stdout)
 

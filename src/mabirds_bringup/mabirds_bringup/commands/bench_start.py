@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from mabirds_bringup.commands.options import Json
-from mabirds_bringup.console import console, guarded_output, print_json
+from mabirds_bringup.console import guarded_output, print_json, tell_targets
 
 EXPERIMENTS = ("ros_ws/config/patrol.yaml", "ros_ws/config/discrete.yaml")
 """That the package has in its folder config."""
@@ -22,10 +22,7 @@ def start(
     """
     with guarded_output() as stdout:
         content = measured(repetitions)
-        for target in content["targets"]:
-            verdict = "met   " if target["met"] else "MISSED"
-            name = target["name"].replace("_", " ")
-            console.print(f"{verdict} {name}: {target['value']:.3g}, at most {target['target']:g}", soft_wrap=True)
+        tell_targets(content["targets"])
         if as_json:
             print_json(content, stdout)
 
