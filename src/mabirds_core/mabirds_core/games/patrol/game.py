@@ -17,6 +17,7 @@ from mabirds_core.digest import trajectory_digest
 from mabirds_core.errors import ImpossibleTrajectoryError
 from mabirds_core.games.factored import Factors
 from mabirds_core.games.interface import Trajectories
+from mabirds_core.games.patrol.arrival import ArrivingReward, lateness
 from mabirds_core.games.patrol.features import PatrolCostFeatures, PatrolRewardFeatures
 from mabirds_core.games.patrol.geometry import MOVE_NAMES, N_MOVES, PatrolGrid
 from mabirds_core.games.patrol.neutral import ExpertMoves
@@ -87,6 +88,11 @@ class PatrolGame(EnumerableGame):
     def reward_features(self) -> PatrolRewardFeatures:
         """An indicator per expert, cell and move."""
         return PatrolRewardFeatures(self.grid)
+
+    def linear_reward(self) -> ArrivingReward:
+        """theta^T of the moves' indicators, and of being late."""
+        late = lateness(self.grid, self.goals, self.discount, self.horizon)
+        return ArrivingReward(self.reward_features, late)
 
     @cached_property
     def true_constraints(self) -> Mask:
