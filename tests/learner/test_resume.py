@@ -143,7 +143,7 @@ def a_checkpoint(experiment: Experiment) -> dict[str, Array]:
 @pytest.mark.parametrize(
     ("name", "values", "words"),
     [
-        ("theta", np.ones(3), "theta: expected 96 numbers of at most 1e\\+12"),
+        ("theta", np.ones(3), "theta: expected 98 numbers of at most 1e\\+12"),
         ("omega", np.array([np.nan]), "omega: expected 26 numbers"),
         ("recent.0.states", np.full((8, 4), 0.5), "states"),
         ("recent.0.actions", np.ones((2, 2)), "actions: shape \\(2, 2\\), expected \\(8, 2\\)"),

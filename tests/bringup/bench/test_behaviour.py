@@ -14,7 +14,6 @@ from games import central_differences, hallway, log_likelihoods, patrol, square
 from mabirds_bringup.bench.behaviour.constraint_rates import (
     constraint_rates,
     rates_by_level,
-    where_as_many_are_found,
 )
 from mabirds_bringup.bench.behaviour.counting import counting_scores
 from mabirds_bringup.bench.behaviour.draw import HELD_OUT, draw, random_kind, with_paper_steps
@@ -147,10 +146,6 @@ def test_rates_at_every_level_are_over_all_learners() -> None:
     assert [level["called"] for level in levels] == [2 * count for count in called]
     assert [level["found"] for level in levels] == pytest.approx([count / 11 for count in found])
     assert [level["false_discovery_rate"] for level in levels] == pytest.approx([1 / count for count in called])
-    as_many = where_as_many_are_found(made_up)
-    assert as_many is not None
-    assert as_many["level"] == 0.7
-    assert where_as_many_are_found(made_up.with_columns(found=pl.lit(11), found_at=pl.lit([0] * 11))) is None
 
 
 def test_a_miss_is_explained_by_its_worst_iterate() -> None:

@@ -3,10 +3,12 @@
 Where the entries of e = E_pi sum gamma^t f and of m, the same of the demonstrations, are counts (features that are
 never negative, weighed linearly), a coordinate's direction is that of iterative scaling (Darroch and Ratcliff, 1972),
 
-    g = log( (e + c/n) / (m + c/n) ),        M <- .7 M + .3 a(n) g,      step = M,
+    g = max( log( (e + c/n) / (m + c/n) ), -2 ),        M <- .7 M + .3 a(n) g,      step = M,
     a(n) = .6 / (1 + n/10)^.75 / max(1, features that are active per step and expert)
 
 which has no unit and no scale: twice as many visits as demonstrated are answered alike in a busy and in a lonely cell.
+What the policy does much too seldom is called back by a factor of at most e^2: each feature of a long way is called
+back, and without that bound learners whose neighbours hear of it late throw each other from one way to the other.
 c/n is a prior of visits that were not demonstrated. It is small for omega, so that what is never shown soon costs, and
 larger for theta, so that a move that happens not to be among the first demonstrations is not ruled out.
 
@@ -36,6 +38,9 @@ PRIOR = {"theta": 0.1, "omega": 0.001}
 
 RATE, SLOWER_AFTER, DECAY, MOMENTUM = 0.6, 10.0, 0.75, 0.7
 """Of the ratios."""
+
+CALL_BACK = 2.0
+"""The largest -g."""
 
 MIN_ACTIVE = 1.0
 """Features that are active, at least: demonstrations may show none of those that only say what is forbidden."""
@@ -90,7 +95,7 @@ class AdaptiveSteps(Settings):
         """Undo ``step`` where it is of ratios.
 
         Of a(n), which hangs on how many features were active, the steps tell as well: none is longer than that of a
-        coordinate that was never demonstrated.
+        coordinate that was never demonstrated. Where a step is as long as -g can be, the count is the least it can be.
         """
         names = [name for name in Parameters._fields if getattr(estimate.counts, name)]
         rises = {name: getattr(step, name) - MOMENTUM * state[f"momentum.{name}"] for name in names}
@@ -107,8 +112,8 @@ class AdaptiveSteps(Settings):
 
 
 def _ratio_momentum(momentum: Vector, expected: Vector, demonstrated: Vector, prior: float, rate: float) -> Vector:
-    """M <- .7 M + .3 a(n) log((e + c/n) / (m + c/n)); rounding may leave an expectation below 0 by some 1e-17."""
-    ratio = log((np.maximum(expected, 0.0) + prior) / (demonstrated + prior))
+    """M <- .7 M + .3 a(n) g; rounding may leave an expectation below 0 by some 1e-17."""
+    ratio = np.maximum(log((np.maximum(expected, 0.0) + prior) / (demonstrated + prior)), -CALL_BACK)
     return np.asarray(MOMENTUM * momentum + (1 - MOMENTUM) * rate * ratio)
 
 

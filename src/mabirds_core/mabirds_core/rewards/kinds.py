@@ -6,13 +6,13 @@ from mabirds_core.rewards.models import RewardModel
 from mabirds_core.rewards.settings import LinearRewardSettings, NeuralRewardSettings
 
 
-def build_linear(settings: LinearRewardSettings, game: Game) -> RewardModel:  # noqa: ARG001 - there is nothing to set
-    """Build theta^T f of the game's reward features.
+def build_linear(settings: LinearRewardSettings, game: Game) -> RewardModel:
+    """Build theta^T f of the game's reward features, and of coming too late where the game can say that.
 
     Parameters
     ----------
     settings : LinearRewardSettings
-        There is nothing to set.
+        With or without lateness.
     game : Game
         With the features.
 
@@ -21,7 +21,8 @@ def build_linear(settings: LinearRewardSettings, game: Game) -> RewardModel:  # 
     RewardModel
         r_theta.
     """
-    model: RewardModel = game.linear_reward()
+    arriving = getattr(game, "arriving_reward", None) if settings.lateness else None
+    model: RewardModel = (arriving or game.linear_reward)()
     return model
 
 

@@ -11,6 +11,10 @@ class LinearRewardSettings(Settings):
     """r_theta = theta^T f."""
 
     kind: Literal["linear"] = "linear"
+    lateness: bool = Field(
+        True,
+        description="a parameter of its own for coming too late, in games that have one; false: as the paper has it",
+    )
 
 
 class NeuralRewardSettings(Settings):

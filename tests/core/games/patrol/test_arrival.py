@@ -21,7 +21,7 @@ every_game = pytest.mark.parametrize("name", GAMES)
 
 
 def model(game: PatrolGame) -> ArrivingReward:
-    return game.linear_reward()
+    return game.arriving_reward()
 
 
 def lateness_only(game: PatrolGame, worth: Vector) -> Vector:

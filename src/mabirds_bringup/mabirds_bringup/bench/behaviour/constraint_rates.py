@@ -1,7 +1,5 @@
 """Constraints of all problems at any level: how many called ones are false, how many of the decidable are found."""
 
-from typing import Any
-
 import matplotlib.pyplot as plt
 import polars as pl
 from matplotlib.figure import Figure
@@ -41,13 +39,6 @@ def rates_by_level(rows: pl.DataFrame) -> pl.DataFrame:
 
 
 SHOWN = ("false_discovery_rate", "found")
-
-
-def where_as_many_are_found(rows: pl.DataFrame) -> dict[str, Any] | None:
-    """The surest level at which the test finds as many as the counting rule does at its own; None: at none."""
-    counting = constraint_rates(rows.filter(method=COUNTING))["found"][0]
-    able = rates_by_level(rows).filter(pl.col("method") == MABIRDS, pl.col("found") >= counting)
-    return able.to_dicts()[-1] if len(able) else None
 
 
 def trade_off_figure(rows: pl.DataFrame) -> Figure:

@@ -10,6 +10,9 @@ import numpy as np
 from mabirds_core.arrays import Vector
 from mabirds_core.games.interface import TabularGame, Trajectories, shown_features
 
+COUNTED_AT = 0.95
+"""Confidence from which on the rule forbids."""
+
 
 def counting_scores(game: TabularGame, demonstrations: Trajectories) -> Vector:
     """Confidence of the counting rule.

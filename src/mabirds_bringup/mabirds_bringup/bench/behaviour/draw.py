@@ -27,8 +27,9 @@ PAPER_STEPS: dict[str, Any] = {
     "steps": {"kind": "paper", "alpha": 16.0, "beta": 8.0},
     "window": 1,
     "rollout_start": "initial",
+    "reward": {"kind": "linear", "lateness": False},
 }
-"""The paper's rule, with numbers that were chosen on one map."""
+"""The paper's rule and reward, with numbers that were chosen on one map."""
 
 
 class Draw(NamedTuple):

@@ -16,7 +16,6 @@ from mabirds_bringup.bench.behaviour.constraint_rates import (
     constraint_rates,
     rates_by_level,
     trade_off_figure,
-    where_as_many_are_found,
 )
 from mabirds_bringup.bench.behaviour.misses import missed, pictures
 from mabirds_bringup.bench.behaviour.trial import COUNTING, MABIRDS
@@ -62,7 +61,6 @@ def targets(rows: pl.DataFrame) -> list[dict[str, Any]]:
         _target("shown features called constraints", own["called_used"], 0, at_most=True),
         _target("decidable constraints found", own["found"], FOUND),
         _target("found more than by counting", own["found"] - counting["found"], 0.0),
-        *_as_sure(rows, counting["false_discovery_rate"]),
         _target(
             "false discoveries more than by counting",
             own["false_discovery_rate"] - counting["false_discovery_rate"],
@@ -70,15 +68,6 @@ def targets(rows: pl.DataFrame) -> list[dict[str, Any]]:
             at_most=True,
         ),
     ]
-
-
-def _as_sure(rows: pl.DataFrame, counting: float) -> list[dict[str, Any]]:
-    """False discoveries beside the counting rule's, at the level that finds as many as it does."""
-    level = where_as_many_are_found(rows)
-    if level is None:
-        return []
-    name = f"false discoveries more than by counting, at confidence {level['level']:g}, where as many are found"
-    return [_target(name, level["false_discovery_rate"] - counting, 0.0, at_most=True)]
 
 
 def share_learned(worst: pl.DataFrame) -> float:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from mabirds_bringup.bench.behaviour.counting import counting_scores
+from mabirds_bringup.bench.behaviour.counting import COUNTED_AT, counting_scores
 from mabirds_bringup.bench.behaviour.draw import Draw, draw, with_paper_steps
 from mabirds_bringup.bench.comparison import decidable_constraints
 from mabirds_bringup.bench.pooled import policy_of, pooled_optimum
@@ -102,7 +102,7 @@ class _Judged:
         """The rule that learns nothing: what was never visited is forbidden, as often as one stood beside it."""
         for name, stream in self._problem.streams.items():
             scores = counting_scores(self._game, stacked(stream))
-            learned = scores >= self._problem.experiment.constraint_confidence
+            learned = scores >= COUNTED_AT
             yield {"method": COUNTING, "learner": name, **self._errors(learned, scores, stacked(stream))}
 
     def _behaviour(self, experiment: Experiment, name: str, parameters: list[Parameters]) -> Row:

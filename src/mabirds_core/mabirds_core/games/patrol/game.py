@@ -89,7 +89,7 @@ class PatrolGame(EnumerableGame):
         """An indicator per expert, cell and move."""
         return PatrolRewardFeatures(self.grid)
 
-    def linear_reward(self) -> ArrivingReward:
+    def arriving_reward(self) -> ArrivingReward:
         """theta^T of the moves' indicators, and of being late."""
         late = lateness(self.grid, self.goals, self.discount, self.horizon)
         return ArrivingReward(self.reward_features, late)

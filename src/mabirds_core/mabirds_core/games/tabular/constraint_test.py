@@ -27,8 +27,10 @@ from mabirds_core.planners.occupancy import discounted_steps, occupancy_measure,
 from mabirds_core.planners.soft_bellman import soft_bellman_policy
 from mabirds_core.rewards.models import TabularRewardModel
 
-SELDOM = 0.01
-"""Discounted visits of the learned policy that do not count: leaks into what it is to avoid."""
+SELDOM = 1e-4
+"""Discounted visits of the learned policy that do not count: leaks into what it is to avoid. A neutral cell opens ways
+through cells where experts go seldom as well; those they are free to use should be as good as they are.
+"""
 
 USED = -1.0
 """Confidence of a feature that a demonstration had: it is no constraint."""

@@ -42,7 +42,7 @@ class EnumerableGame:
         """The occupancy measure, or means over ``count`` rollouts."""
         return ExactOccupancy(self) if kind == "exact" else SampledOccupancy(self, count)
 
-    def linear_reward(self: TabularGame) -> TabularRewardModel:
+    def linear_reward(self: TabularGame) -> LinearReward:
         """theta^T f."""
         return LinearReward(self.reward_features)
 
