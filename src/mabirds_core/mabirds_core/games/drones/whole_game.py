@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from mabirds_core.arrays import Vector
+from mabirds_core.arrays import Array, Vector
 from mabirds_core.extras import require
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.judge import RolloutJudge
@@ -12,9 +12,11 @@ from mabirds_core.games.drones.learned_costs import measures
 from mabirds_core.games.drones.nodes import Shape
 from mabirds_core.games.drones.planner_checks import fits, spacing_of, suits_lattice
 from mabirds_core.games.drones.planner_settings import LatticeSettings, SoftActorCriticSettings
+from mabirds_core.games.drones.recorded import fit_places
 from mabirds_core.games.drones.rewards import DroneRewardModel, LinearDroneReward, NeuralDroneReward, TrueDroneReward
 from mabirds_core.games.drones.rollouts import SampledDroneOccupancy
 from mabirds_core.games.interface import Trajectories
+from mabirds_core.games.recordings import Fit
 from mabirds_core.games.whole_game import Experts, Learned
 from mabirds_core.planners.interface import Planner
 from mabirds_core.registry import build
@@ -92,6 +94,10 @@ class WholeDroneGame(DroneGame):
         from mabirds_core.games.drones.pilots import Pilots  # scipy is for recording, and for the lattice
 
         return Pilots(self, side)
+
+    def fit_places(self, places: Array) -> Fit:
+        """The flight that follows recorded places."""
+        return fit_places(self, places)
 
     def measures(self, omega: Vector, demonstrations: Trajectories) -> Mapping[str, Mapping[str, float]]:
         """What obstacles and closeness are learned to cost."""
