@@ -45,6 +45,10 @@ VERBS = {
     "check": Verb(
         "report", "Check a run directory: digests, that it is whole, and that its summary is that of its files."
     ),
+    "evaluate": Verb(
+        "evaluate",
+        "Judge a run by demonstrations that nobody learned from, beside baselines that learn nothing.",
+    ),
     "record": Verb("record", "Record the experts of an experiment to a rosbag2 MCAP bag, one topic per learner."),
     "import": Verb(
         "import_recordings",

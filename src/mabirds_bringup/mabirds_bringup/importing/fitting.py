@@ -22,6 +22,10 @@ MARGIN = 0.01
 """By what share the largest speed is larger than was seen."""
 
 
+LATENESS = 1.25
+"""The horizon as a multiple of the longest episode."""
+
+
 class Demonstrated(NamedTuple):
     """An episode as a demonstration of the game.
 
@@ -97,7 +101,7 @@ def observed(episodes: Sequence[Episode], rules: ImportRules) -> Observed:
     """
     low, high = corners_of(rules.area)
     step = rules.steps.time_step
-    horizon = rules.steps.horizon or max(_steps(episode, step) for episode in episodes)
+    horizon = rules.steps.horizon or _horizon(episodes, rules)
     starts = np.stack([resampled(episode, step, 1)[0] - low for episode in episodes])
     goals = [Goal(_pair(expert.goal.centre - low), expert.goal.radius) for expert in rules.experts]
     speed = rules.steps.max_speed or _fastest(episodes, step, horizon)
@@ -106,6 +110,12 @@ def observed(episodes: Sequence[Episode], rules: ImportRules) -> Observed:
 
 def _pair(place: Array) -> tuple[float, float]:
     return round(float(place[0]), 6), round(float(place[1]), 6)
+
+
+def _horizon(episodes: Sequence[Episode], rules: ImportRules) -> int:
+    """What the longest episode needs; longer where agents stay at their goals, so that others may be late."""
+    longest = max(_steps(episode, rules.steps.time_step) for episode in episodes)
+    return longest if rules.episodes.by in {"length", "pauses"} else int(np.ceil(longest * LATENESS))
 
 
 def _steps(episode: Episode, time_step: float) -> int:

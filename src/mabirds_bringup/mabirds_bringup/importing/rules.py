@@ -94,7 +94,9 @@ class StepRule(Settings):
     """How time is divided."""
 
     time_step: Annotated[float, Field(gt=0, le=60)] = Field(0.25, description="of the game [s]")
-    horizon: int | None = Field(None, ge=1, le=10_000, description="T; default: what the longest episode needs")
+    horizon: int | None = Field(
+        None, ge=1, le=10_000, description="T; default: a quarter more than the longest episode needs"
+    )
     max_speed: Metres | None = Field(None, description="default: the fastest step of the episodes [m/s]")
 
 

@@ -1,9 +1,11 @@
 """What a game offers that recordings of places can be imported to; games need not."""
 
-from collections.abc import Sequence
-from typing import NamedTuple, Protocol
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple, Protocol
 
-from mabirds_core.arrays import Array, Mask
+import numpy as np
+
+from mabirds_core.arrays import Array, Mask, Vector
 from mabirds_core.games.interface import Trajectories
 
 
@@ -72,4 +74,85 @@ class FitsRecordings(Protocol):
 
     def fit_places(self, places: Array) -> Fit:
         """The trajectory that follows places recorded at the steps 0 .. T + 1, shape (T + 2, N_E, 2) [m]."""
+        ...
+
+
+class Forecast(Protocol):
+    """Who says what experts will do."""
+
+    def log_ratios(self, demonstrations: Trajectories) -> Vector:
+        """Nats by which demonstrations are likelier than under the uniform policy, shape (m,)."""
+        ...
+
+    def rollouts(self, demonstrations: Trajectories, count: int, rng: np.random.Generator) -> Trajectories:
+        """Trajectories from where demonstrations began.
+
+        Parameters
+        ----------
+        demonstrations : Trajectories
+            m of them; nothing but their starts is looked at, or what the forecaster says that it is told.
+        count : int
+            k: from each start.
+        rng : np.random.Generator
+            Of the draw.
+
+        Returns
+        -------
+        Trajectories
+            m k of them, those of the first start first.
+        """
+        ...
+
+
+class HeldOutJudge(Protocol):
+    """How a game compares forecasts with demonstrations that nobody learned from."""
+
+    def of_policy(self, policy: Any) -> Forecast:
+        """A learned policy as a forecast."""
+        ...
+
+    def baselines(self, policy: Any, planner: Any, training: Trajectories) -> Mapping[str, Forecast]:
+        """What is to be beaten.
+
+        Parameters
+        ----------
+        policy : Any
+            A learned one.
+        planner : Any
+            Settings of its planner.
+        training : Trajectories
+            From which their numbers are taken.
+
+        Returns
+        -------
+        Mapping[str, Forecast]
+            By name.
+        """
+        ...
+
+    def steps(self, demonstrations: Trajectories) -> Vector:
+        """Over how many steps each demonstration is told, shape (m,)."""
+        ...
+
+    def displacements(self, demonstrations: Trajectories, flown: Trajectories, count: int) -> tuple[Array, Array]:
+        """Average and final distances.
+
+        Parameters
+        ----------
+        demonstrations : Trajectories
+            m of them.
+        flown : Trajectories
+            ``count`` from each start.
+        count : int
+            k.
+
+        Returns
+        -------
+        tuple[Array, Array]
+            Shape (m, k) each [m].
+        """
+        ...
+
+    def conflicts(self, trajectories: Trajectories) -> Mapping[str, float]:
+        """Shares of trajectories by what must not be, as far as the settings say so."""
         ...
