@@ -20,10 +20,13 @@ class Verb(NamedTuple):
         In ``mabirds_bringup.commands``.
     help : str
         The first sentence of its own help.
+    function : str
+        Of the module; "": of the verb's own name.
     """
 
     module: str
     help: str
+    function: str = ""
 
 
 VERBS = {
@@ -42,7 +45,17 @@ VERBS = {
     "check": Verb(
         "report", "Check a run directory: digests, that it is whole, and that its summary is that of its files."
     ),
+    "evaluate": Verb(
+        "evaluate",
+        "Judge a run by demonstrations that nobody learned from, beside baselines that learn nothing.",
+    ),
     "record": Verb("record", "Record the experts of an experiment to a rosbag2 MCAP bag, one topic per learner."),
+    "import": Verb(
+        "import_recordings",
+        "Make demonstrations and an experiment file of your own recordings, and tell what was kept and dropped, and"
+        " why.",
+        "import_recordings",
+    ),
     "inspect": Verb(
         "inspect",
         "Show the learners of this ROS domain: one line per parameter message and per change of status.",
@@ -67,13 +80,14 @@ class LoadedVerbs(Mapping[str, Any]):
         """The command of a verb."""
         with loading():
             module = import_module(f"mabirds_bringup.commands.{VERBS[name].module}")
+        function = VERBS[name].function or name
         own = getattr(module, f"{name}_app", None)
         if own is not None:
             group = get_group(own)
             group.name = name
             return group
         alone = typer.Typer(add_completion=False)
-        alone.command(name)(getattr(module, name))
+        alone.command(name)(getattr(module, function))
         return get_command(alone)
 
     def __iter__(self) -> Iterator[str]:

@@ -57,6 +57,8 @@ class Kind:
     """Whether settings that name no kind are of this one."""
     sample: Callable[..., Settings] | None = None
     """Of games: ``sample(rng)`` draws settings at random, for benchmarks on games that nobody tuned for."""
+    recorded: Callable[..., dict[str, Any]] | None = None
+    """Of games: ``recorded(observed)`` is what an experiment file says of a game that recordings are imported to."""
 
 
 @dataclass(frozen=True)

@@ -163,7 +163,7 @@ class DroneNodes:
     def _within_reach_of_starts(self) -> Mask:
         """Which nodes may be reached from the square of P_0 in a step."""
         task, places = self.game.settings.drones[self.drone], self.lattice.places
-        low, high = (np.add(task.start, sign * task.start_spread) for sign in (-1, 1))
+        low, high = task.start_corners
         away = places - np.clip(places, low, high)
         return np.asarray(np.sqrt((away**2).sum(axis=1)) <= self.lattice.reach + SAME_PLACE)
 

@@ -66,10 +66,8 @@ class DroneGame:
         Array
             Shape (count, N_E D).
         """
-        low, high = (
-            np.clip([np.add(task.start, sign * task.start_spread) for task in self.settings.drones], 0.0, self.arena)
-            for sign in (-1, 1)
-        )
+        corners = np.array([task.start_corners for task in self.settings.drones])
+        low, high = np.clip(np.moveaxis(corners, 1, 0), 0.0, self.arena)
         states = np.zeros((count, self.n_experts, self.dynamics.drone_size))
         states[..., :2] = rng.uniform(low, high, size=(count, self.n_experts, 2))
         return states.reshape(count, self.state_size)

@@ -15,6 +15,13 @@ def build_drones(settings: DroneSettings) -> Any:
     return WholeDroneGame(settings)
 
 
+def recorded_drones(observed: Any) -> dict[str, Any]:
+    """What an experiment file says of drones in the place of agents that were observed."""
+    from mabirds_core.games.drones.observed import observed_settings
+
+    return observed_settings(observed)
+
+
 def build_lattice(settings: LatticeSettings, game: Any, reward: Any) -> Any:
     """Build the planner that is exact on lattices.
 
@@ -104,6 +111,6 @@ def check_soft_actor_critic(settings: SoftActorCriticSettings, game: Any) -> Non
 
 
 FORM = "drones"
-DRONES = Kind(DroneSettings, build_drones, form=FORM)
+DRONES = Kind(DroneSettings, build_drones, form=FORM, recorded=recorded_drones)
 LATTICE = Kind(LatticeSettings, build_lattice, form=FORM, check=check_lattice)
 SOFT_ACTOR_CRITIC = Kind(SoftActorCriticSettings, build_soft_actor_critic, form=FORM, check=check_soft_actor_critic)

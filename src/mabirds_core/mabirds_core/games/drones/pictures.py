@@ -59,8 +59,8 @@ def draw_arena(axis: Axes, game: DroneGame, drones: Sequence[int] | None = None,
         axis.add_patch(Circle(obstacle.centre, keep, fc="none", ec="0.1", lw=0.7, ls=":"))
     for drone in range(game.n_experts) if drones is None else drones:
         task, colour = settings.drones[drone], colour_of(drone)
-        corner, side = np.subtract(task.start, task.start_spread), 2 * task.start_spread
-        axis.add_patch(Rectangle(tuple(corner), side, side, fc="none", ec=colour, lw=1.3))
+        low, high = task.start_corners
+        axis.add_patch(Rectangle(tuple(low), *(high - low), fc="none", ec=colour, lw=1.3))
         axis.add_patch(Circle(task.goal_region.centre, task.goal_region.radius, fc="none", ec=colour, lw=1.8))
     width, depth = settings.arena
     axis.set(xlim=(0, width), ylim=(0, depth), aspect="equal", xticks=[], yticks=[])

@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from mabirds_core.arrays import Array
 from mabirds_core.settings import Settings
 
 MAX_FEATURES = 100_000
@@ -23,14 +24,25 @@ class Circle(Settings):
     radius: Length = Field(description="[m]")
 
 
+Spread = Annotated[float, Field(ge=0, le=1000)]
+
+
 class DroneTask(Settings):
     """Where one drone begins and where it is to go."""
 
     start: Point = Field(description="middle of the square in which it begins [m]")
-    start_spread: float = Field(0.0, ge=0, le=1000, description="half the side of that square [m]")
+    start_spread: Spread | tuple[Spread, Spread] = Field(
+        0.0, description="half the side of that square, or of a rectangle along x and along y [m]"
+    )
     goal_region: Circle
 
     renamed: ClassVar[Mapping[str, str]] = {"door": "goal_region"}
+
+    @property
+    def start_corners(self) -> tuple[Array, Array]:
+        """Lower left and upper right corner of where it begins, shape (2,) each [m]."""
+        half = np.broadcast_to(self.start_spread, 2)
+        return np.subtract(self.start, half), np.add(self.start, half)
 
 
 class DroneFeatureSettings(Settings):
@@ -69,6 +81,10 @@ class DroneSettings(Settings):
     max_acceleration: Length = Field(2.0, description="of double integrators [m/s^2]")
     drone_radius: Length = Field(0.12, description="[m]")
     least_distance: Length = Field(0.35, description="of two drones' middles [m]")
+    truth: Literal["settings", "unknown"] = Field(
+        "settings",
+        description="do obstacles and least_distance bind the experts, or does nobody know, as of recordings?",
+    )
     step_cost: float = Field(0.1, ge=0, le=1000, description="true reward: minus this per step and drone under way")
     features: DroneFeatureSettings = DroneFeatureSettings()
 
@@ -89,16 +105,15 @@ class DroneSettings(Settings):
             for name, point in (("start", task.start), ("goal_region", task.goal_region.centre)):
                 if not all(0 <= x <= side for x, side in zip(point, self.arena, strict=True)):
                     raise ValueError(f"{name} {point} of drone {number}: expected a place in the arena {self.arena}")
-            for obstacle in self.obstacles:
-                self._check_free(number, task, obstacle)
+            if self.truth == "settings":
+                for obstacle in self.obstacles:
+                    self._check_free(number, task, obstacle)
         return self
 
     def _check_free(self, number: int, task: DroneTask, obstacle: Circle) -> None:
         """No start may touch an obstacle, and the centre of no goal region."""
         keep = obstacle.radius + self.drone_radius
-        nearest = np.clip(
-            obstacle.centre, np.subtract(task.start, task.start_spread), np.add(task.start, task.start_spread)
-        )
+        nearest = np.clip(obstacle.centre, *task.start_corners)
         for name, point in (("start", nearest), ("goal_region", task.goal_region.centre)):
             if np.hypot(*np.subtract(point, obstacle.centre)) < keep:
                 raise ValueError(
@@ -109,8 +124,9 @@ class DroneSettings(Settings):
     @model_validator(mode="after")
     def _starts_are_apart(self) -> "DroneSettings":
         for (i, first), (j, second) in combinations(enumerate(self.drones, start=1), 2):
-            gap = np.abs(np.subtract(first.start, second.start)) - first.start_spread - second.start_spread
-            if np.hypot(*np.maximum(gap, 0.0)) < self.least_distance:
+            (low, high), (other_low, other_high) = first.start_corners, second.start_corners
+            gap = np.maximum(low - other_high, other_low - high)
+            if self.truth == "settings" and np.hypot(*np.maximum(gap, 0.0)) < self.least_distance:
                 raise ValueError(
                     f"drones {i} and {j} may start closer than least_distance {self.least_distance:g} m;"
                     " move their starts apart, or make start_spread smaller"

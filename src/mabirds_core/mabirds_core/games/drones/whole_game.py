@@ -2,9 +2,9 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from mabirds_core.arrays import Vector
+from mabirds_core.arrays import Array, Vector
 from mabirds_core.extras import require
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.judge import RolloutJudge
@@ -12,12 +12,17 @@ from mabirds_core.games.drones.learned_costs import measures
 from mabirds_core.games.drones.nodes import Shape
 from mabirds_core.games.drones.planner_checks import fits, spacing_of, suits_lattice
 from mabirds_core.games.drones.planner_settings import LatticeSettings, SoftActorCriticSettings
+from mabirds_core.games.drones.recorded import fit_places
 from mabirds_core.games.drones.rewards import DroneRewardModel, LinearDroneReward, NeuralDroneReward, TrueDroneReward
 from mabirds_core.games.drones.rollouts import SampledDroneOccupancy
 from mabirds_core.games.interface import Trajectories
+from mabirds_core.games.recordings import Fit
 from mabirds_core.games.whole_game import Experts, Learned
 from mabirds_core.planners.interface import Planner
 from mabirds_core.registry import build
+
+if TYPE_CHECKING:
+    from mabirds_core.games.drones.held_out import HeldOutFlights
 
 JUDGES: tuple[tuple[Shape, int], ...] = (("hexagonal", 4), ("square", 5), ("hexagonal", 7))
 """Shapes of lattices, and squares of how many spacings a step's way has: 19, 21 and 31 moves."""
@@ -92,6 +97,18 @@ class WholeDroneGame(DroneGame):
         from mabirds_core.games.drones.pilots import Pilots  # scipy is for recording, and for the lattice
 
         return Pilots(self, side)
+
+    def fit_places(self, places: Array) -> Fit:
+        """The flight that follows recorded places."""
+        return fit_places(self, places)
+
+    @property
+    def held_out_judge(self) -> "HeldOutFlights":
+        """Who compares policies on a lattice with flights that nobody learned from."""
+        require("scipy", "judging drones by recordings", DRONES)
+        from mabirds_core.games.drones.held_out import HeldOutFlights
+
+        return HeldOutFlights(self, self.evaluation_planner)
 
     def measures(self, omega: Vector, demonstrations: Trajectories) -> Mapping[str, Mapping[str, float]]:
         """What obstacles and closeness are learned to cost."""

@@ -1,0 +1,1 @@
+"""From recordings of several agents to demonstrations of a game."""

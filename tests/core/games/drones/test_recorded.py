@@ -1,0 +1,77 @@
+"""Places that were recorded, followed by drones."""
+
+import numpy as np
+import pytest
+
+from mabirds_core.errors import ExperimentError
+from mabirds_core.games.drones.settings import DroneSettings
+from mabirds_core.games.drones.whole_game import WholeDroneGame
+from mabirds_core.games.interface import Trajectories
+from mabirds_core.registry import build
+
+SETTINGS = {
+    "kind": "drones",
+    "arena": (4.0, 2.0),
+    "drones": [
+        {"start": (0.5, 1.0), "start_spread": (0.3, 0.8), "goal_region": {"centre": (3.5, 1.0), "radius": 0.3}},
+        {"start": (0.5, 1.0), "start_spread": 0.3, "goal_region": {"centre": (3.5, 0.4), "radius": 0.3}},
+    ],
+    "time_step": 0.5,
+    "horizon": 8,
+    "max_speed": 1.0,
+    "truth": "unknown",
+}
+
+
+def game(**changes: object) -> WholeDroneGame:
+    return WholeDroneGame(DroneSettings.model_validate({**SETTINGS, **changes}))
+
+
+def test_what_the_game_could_have_flown_is_followed_exactly() -> None:
+    of, rng = game(), np.random.default_rng(0)
+    states = of.starts(1, rng)
+    actions = rng.uniform(-0.7, 0.7, (9, 1, 4))
+    flown = [states]
+    for action in actions:
+        flown.append(of.step(flown[-1], action))
+    fit = of.fit_places(of.positions(np.concatenate(flown)))
+    np.testing.assert_allclose(fit.trajectory.states[0], np.concatenate(flown)[:-1], atol=1e-12)
+    np.testing.assert_allclose(fit.places, of.positions(fit.trajectory.states[0]))
+    again = of.decode(*of.encode(fit.trajectory))
+    np.testing.assert_array_equal(again.states, fit.trajectory.states)
+
+
+def test_drones_that_are_too_slow_lag_behind_and_those_that_have_arrived_stay() -> None:
+    of = game()
+    places = np.zeros((10, 2, 2))
+    places[:, 0] = np.linspace((0.5, 1.0), (3.5 + 1.5, 1.0), 10)  # on through its goal region
+    places[:, 1] = (3.0, 1.9)
+    places[0, 1] = (0.5, 1.0)  # and a jump of 2.7 m
+    fit = of.fit_places(places)
+    assert fit.arrived[:, 0].tolist() == [False] * 6 + [True] * 3
+    assert np.ptp(fit.places[6:, 0], axis=0).max() == 0
+    steps = np.hypot(*np.diff(fit.places[:, 1], axis=0).T)
+    np.testing.assert_allclose(steps[:5], 0.5)
+    np.testing.assert_allclose(fit.places[6:, 1], [[3.0, 1.9]] * 3)
+    assert isinstance(of.decode(*of.encode(fit.trajectory)), Trajectories)
+
+
+def test_places_outside_the_arena_end_at_its_walls() -> None:
+    places = np.full((10, 2, 2), 5.0)
+    assert game().fit_places(places).places.max(axis=(0, 1)).tolist() == [4.0, 2.0]
+
+
+def test_other_shapes_and_other_dynamics_are_refused() -> None:
+    with pytest.raises(ExperimentError, match=r"expected \(10, 2, 2\)"):
+        game().fit_places(np.zeros((9, 2, 2)))
+    with pytest.raises(ExperimentError, match="single_integrator"):
+        game(dynamics="double_integrator").fit_places(np.zeros((10, 2, 2)))
+
+
+def test_starts_fill_a_rectangle_and_may_overlap_where_nobody_knows_the_truth() -> None:
+    places = game().positions(game().starts(4000, np.random.default_rng(0)))
+    np.testing.assert_allclose(places[:, 0].min(axis=0), [0.2, 0.2], atol=0.01)
+    np.testing.assert_allclose(places[:, 0].max(axis=0), [0.8, 1.8], atol=0.01)
+    with pytest.raises(ValueError, match="may start closer"):
+        game(truth="settings")
+    assert build("mabirds.games", DroneSettings.model_validate(SETTINGS)).digest == game().digest
