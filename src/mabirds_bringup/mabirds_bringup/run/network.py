@@ -25,6 +25,7 @@ from mabirds_core.errors import ExperimentError, MabirdsError
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History
 from mabirds_msgs_py.addresses import AddressWatch
+from mabirds_msgs_py.clock_watch import SetBack, waking
 from mabirds_msgs_py.declaration_key import make_key, read_key
 from mabirds_msgs_py.security import enclave_arguments, start_ros
 
@@ -103,7 +104,10 @@ class Network:
         a node ends early and may not be started again, and ExperimentError when another host of the same run has
         another experiment. All processes are stopped in any case.
         """
-        addresses = AddressWatch()  # before the participant is made, which keeps those that there are
+        addresses, clock = (
+            AddressWatch(),
+            SetBack(),
+        )  # before the participant is made, which keeps addresses that there are
         start_ros(["--ros-args", *enclave_arguments("/monitor")], signal_handler_options=SignalHandlerOptions.NO)
         before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # end as on Ctrl-C: nothing left behind
         supervisor = Supervisor(self._commands(), self.directory / "logs", self.restarts, self._optional)
@@ -119,7 +123,7 @@ class Network:
                         return code == 0 and monitor.has_departed(name)
                     return code == 0 and _hear_out(executor, monitor)
 
-                with closing(self._farewell(monitor)) as farewell:
+                with waking(executor, monitor, clock), closing(self._farewell(monitor)) as farewell:
                     while not (monitor.finished and farewell.is_over()):
                         executor.spin_once(timeout_sec=TICK)
                         news = [*supervisor.poll(monitor.statuses, is_done), *recording.news, *farewell.news]
