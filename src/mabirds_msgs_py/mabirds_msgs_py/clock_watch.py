@@ -57,6 +57,11 @@ def waking(executor: Executor, node: Node, clock: SetBack) -> Iterator[None]:
         One of its nodes.
     clock : SetBack
         Made before the participant.
+
+    Yields
+    ------
+    None
+        Nothing.
     """
     held, over = threading.Lock(), threading.Event()
 
