@@ -158,7 +158,7 @@ def count(receiver: socket.socket, seconds: float) -> int:
 
 
 @needs_compiler
-@pytest.mark.parametrize(("look", "goes_on"), [(0.5, True), (1000.0, False)])
+@pytest.mark.parametrize(("look", "goes_on"), [(0.1, True), (1000.0, False)])
 def test_nobody_waits_for_a_time_that_was_set_back(clock: SteppedClock, look: float, goes_on: bool) -> None:
     """A node alone ticks and announces itself as before; without a look at the clock it would sleep for an hour."""
     clock.set(HOUR)

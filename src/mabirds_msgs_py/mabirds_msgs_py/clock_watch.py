@@ -17,15 +17,18 @@ from rclpy.executors import Executor
 from rclpy.node import Node
 from rclpy.qos import qos_profile_parameter_events
 
-PERIOD = 0.5
-"""Seconds between two looks; liveliness has a lease of several."""
+PERIOD = 0.1
+"""Seconds between two looks; a clock that is set back and forth in between is not noticed."""
+
+SUSPENDED = 1.0
+"""Seconds between two looks from which on this process stood still, and nobody knows what its clock did meanwhile."""
 
 LEAST = 0.05
 """Seconds by which a clock is set back at least; less lengthens waits by as little."""
 
 
 class SetBack:
-    """Notices that the system's clock was set back.
+    """Notices that the system's clock was set back, or may have been.
 
     Parameters
     ----------
@@ -37,12 +40,15 @@ class SetBack:
 
     def __init__(self, system: Callable[[], float] = time.time, steady: Callable[[], float] = time.monotonic) -> None:
         self._system, self._steady = system, steady
-        self._ahead = system() - steady()
+        self._looked_at = steady()
+        self._ahead = system() - self._looked_at
 
     def happened(self) -> bool:
         """Has it been since the last look?"""
-        before, self._ahead = self._ahead, self._system() - self._steady()
-        return self._ahead < before - LEAST
+        looked_at, ahead = self._looked_at, self._ahead
+        self._looked_at = self._steady()
+        self._ahead = self._system() - self._looked_at
+        return self._ahead < ahead - LEAST or self._looked_at > looked_at + SUSPENDED
 
 
 @contextmanager

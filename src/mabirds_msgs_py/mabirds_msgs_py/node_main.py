@@ -67,7 +67,8 @@ def run_node(create: Callable[[], Node], help_text: str, arguments: Sequence[str
         return _refuse(error)
     try:
         executor = SingleThreadedExecutor()  # before the node is seen: whoever sees it may end this process
-        node = create()
+        with addresses.while_made():
+            node = create()
         require_known_parameters(node)
         loop = MessageLoop(node, executor)
         with waking(executor, node, clock):

@@ -115,7 +115,8 @@ class Network:
             with Recording(self.directory) as recording, _spinning() as executor:
                 key = read_key(self._key_file) if self._key_file else b""
                 place = self.directory / DIRECTORY
-                monitor = MonitorNode(self.experiment, recording, self._run, self.names, place, key)
+                with addresses.while_made():
+                    monitor = MonitorNode(self.experiment, recording, self._run, self.names, place, key)
                 executor.add_node(monitor)
 
                 def is_done(name: str, code: int) -> bool:
