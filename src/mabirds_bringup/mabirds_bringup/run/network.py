@@ -15,6 +15,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
 from mabirds_bringup.run import processes
+from mabirds_bringup.run.deafness import Deafness
 from mabirds_bringup.run.farewell import SHUTDOWN_TIMEOUT, Farewell
 from mabirds_bringup.run.recording import Recording
 from mabirds_bringup.run.supervisor import Supervisor
@@ -128,6 +129,7 @@ class Network:
                     while not (monitor.finished and farewell.is_over()):
                         executor.spin_once(timeout_sec=TICK)
                         news = [*supervisor.poll(monitor.statuses, is_done), *recording.news, *farewell.news]
+                        news += self._heal(supervisor, monitor)
                         recording.news.clear()
                         farewell.news.clear()
                         monitor.declare_without(supervisor.failed())
@@ -143,6 +145,19 @@ class Network:
             supervisor.stop()
             signal.signal(signal.SIGTERM, before)
             rclpy.try_shutdown()
+
+    @cached_property
+    def _deafness(self) -> Deafness:
+        """Of learners that wait for each other; in resilient mode, and of central methods, nobody does."""
+        waits = not (self.method or self.experiment.mixing.declares_members)
+        own = self.only or self.names
+        return Deafness([name for name in self.names if waits and name in own])
+
+    def _heal(self, supervisor: Supervisor, monitor: MonitorNode) -> Iterator[str]:
+        """Start learners again that do not hear each other."""
+        for name, words in self._deafness.found(monitor.statuses, monitor.parameters, monitor.presence.is_lost):
+            supervisor.restart(name)
+            yield f"{name} is started again, since {words}"
 
     def _farewell(self, monitor: MonitorNode) -> Farewell:
         return Farewell(self.only, [*self.names, PLAYER], monitor.digest)
