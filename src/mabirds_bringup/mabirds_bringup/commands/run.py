@@ -20,10 +20,12 @@ from mabirds_bringup.evaluate.results import audit, write_unjudged
 from mabirds_bringup.run import run_directory
 from mabirds_bringup.run.certificate import certify
 from mabirds_bringup.run.network import PLAYER, HostMovedError, Network, NetworkResult
+from mabirds_bringup.run.size import shown_size
 from mabirds_bringup.run.stored_run import NETWORK, RunPlan, StoredRun, begin, find_run, load_run, locked
 from mabirds_bringup.run.supervisor import Supervisor
 from mabirds_bringup.watch.live_table import live_table, plain_line
 from mabirds_bringup.watch.monitor import MonitorNode
+from mabirds_bringup.watch.time_left import TimeLeft
 from mabirds_core.errors import ExperimentError, MabirdsError
 from mabirds_core.experiment.file import Experiment, load_experiment
 
@@ -160,6 +162,7 @@ def _run(stored: StoredRun, player: Mapping[str, object], restarts: int) -> dict
         shared_run=stored.plan.run,
         bag_digest=stored.bag_digest or "",
     )
+    shown_size(experiment, len([name for name in network.names if name in (network.only or network.names)]))
     try:
         with _Display(experiment, network) as display:
             result = network.run(display.update)
@@ -187,7 +190,7 @@ class _Display:
     def __init__(self, experiment: Experiment, network: Network) -> None:
         self._experiment, self._started = experiment, network.only or (*network.names, "the expert player")
         self._live = Live(console=console, refresh_per_second=4, transient=True) if console.is_terminal else None
-        self._last = time.monotonic()
+        self._last, self._left = time.monotonic(), TimeLeft(experiment.iterations)
 
     def __enter__(self) -> Self:
         console.print(f"starting {', '.join(self._started)}", soft_wrap=True)
@@ -207,7 +210,8 @@ class _Display:
         if time.monotonic() - self._last < period:
             return
         self._last = time.monotonic()
+        left = self._left.words([int(status.last_demonstration) for status in monitor.statuses.values()])
         if self._live:
-            self._live.update(live_table(self._experiment, monitor))
+            self._live.update(live_table(self._experiment, monitor, left))
         else:
-            console.print(plain_line(self._experiment, monitor), soft_wrap=True)
+            console.print("; ".join(filter(None, [plain_line(self._experiment, monitor), left])), soft_wrap=True)

@@ -8,6 +8,7 @@ from mabirds_bringup.commands.options import CentralMethodName, ExperimentFile, 
 from mabirds_bringup.console import ending_as_interrupted, guarded_output, print_json, progress_bar
 from mabirds_bringup.evaluate.results import write_results
 from mabirds_bringup.run.certificate import certify
+from mabirds_bringup.run.size import shown_size
 from mabirds_bringup.run.stored_run import begin
 from mabirds_core.digest import demonstrations_digest
 from mabirds_core.experiment.file import Experiment, load_experiment
@@ -27,6 +28,7 @@ def simulate(
     """
     with guarded_output() as stdout, ending_as_interrupted():
         experiment = load_experiment(file)
+        shown_size(experiment, 1)
         start = time.monotonic()
         demonstrations = demonstrations_of(experiment)
         shown = {name: stream[: experiment.iterations] for name, stream in demonstrations.items()}
