@@ -12,7 +12,7 @@ from rich.live import Live
 
 from mabirds_bringup import exit_codes
 from mabirds_bringup.commands.demonstrations import digest_at_hand
-from mabirds_bringup.commands.options import CentralMethodName, Json, RunsDirectory
+from mabirds_bringup.commands.options import CentralMethodName, Evaluation, Json, RunsDirectory
 from mabirds_bringup.commands.player_options import LESS_THAN_ALL, takes_player_options
 from mabirds_bringup.commands.report import report_on
 from mabirds_bringup.console import console, ending_as_interrupted, guarded_output, print_json
@@ -58,6 +58,7 @@ def run(  # noqa: PLR0913, PLR0917 - the options of a command
         Path | None, typer.Option(help="Go on with the run of this directory, from its checkpoints.")
     ] = None,
     out: RunsDirectory = Path("runs"),
+    evaluation: Evaluation = True,
     as_json: Json = False,
 ) -> int:
     """Run an experiment: one process per learner plus the expert player, until everything is learned.
@@ -73,12 +74,13 @@ def run(  # noqa: PLR0913, PLR0917 - the options of a command
                 return _shown(stored.summary(), as_json, stdout)
             player = {**stored.plan.player, **_absolute(player)}
             with locked(stored.directory):
-                content = _run(stored, player, restarts)
+                content = _run(stored, player, restarts, evaluation=evaluation)
             return _shown(content, as_json, stdout)
     except HostMovedError as error:
         if stored.plan.method:
             raise
-        return _go_on(error, [] if resume or name else ["--resume", stored.directory, "--restarts", restarts], as_json)
+        same = ["--resume", stored.directory, "--restarts", restarts, *([] if evaluation else ["--no-evaluation"])]
+        return _go_on(error, [] if resume or name else same, as_json)
 
 
 def _has_all(stored: StoredRun) -> bool:
@@ -148,7 +150,7 @@ def _named_or_new(file: Path | None, plan: RunPlan, out: Path) -> StoredRun:
     return begin(out, experiment, file, bag_digest=bag_digest, plan=plan, method=plan.method)
 
 
-def _run(stored: StoredRun, player: Mapping[str, object], restarts: int) -> dict[str, Any]:
+def _run(stored: StoredRun, player: Mapping[str, object], restarts: int, *, evaluation: bool) -> dict[str, Any]:
     """Run, and write what came of it, be it whole or not."""
     experiment, start = stored.experiment, time.monotonic()
     network = Network(
@@ -166,7 +168,8 @@ def _run(stored: StoredRun, player: Mapping[str, object], restarts: int) -> dict
     try:
         with _Display(experiment, network) as display:
             result = network.run(display.update)
-        return report_on(stored, time.monotonic() - start, result.departed, _audited(stored, result))
+        seconds, delivered = time.monotonic() - start, _audited(stored, result)
+        return report_on(stored, seconds, result.departed, delivered, evaluation=evaluation)
     except (KeyboardInterrupt, MabirdsError, OSError) as error:
         with stored.open_history() as kept:
             write_unjudged(stored.directory, certify(stored, kept), str(error) or "interrupted")

@@ -4,9 +4,9 @@ import time
 from pathlib import Path
 
 from mabirds_bringup.commands.demonstrations import demonstrations_of
-from mabirds_bringup.commands.options import CentralMethodName, ExperimentFile, Json, RunsDirectory
+from mabirds_bringup.commands.options import CentralMethodName, Evaluation, ExperimentFile, Json, RunsDirectory
 from mabirds_bringup.console import ending_as_interrupted, guarded_output, print_json, progress_bar
-from mabirds_bringup.evaluate.results import write_results
+from mabirds_bringup.evaluate.results import write_results, write_unevaluated
 from mabirds_bringup.run.certificate import certify
 from mabirds_bringup.run.size import shown_size
 from mabirds_bringup.run.stored_run import begin
@@ -20,6 +20,7 @@ def simulate(
     file: ExperimentFile,
     method: CentralMethodName = None,
     out: RunsDirectory = Path("runs"),
+    evaluation: Evaluation = True,
     as_json: Json = False,
 ) -> None:
     """Run an experiment's learners in one process, without any network; same results to the last bit.
@@ -39,7 +40,10 @@ def simulate(
             kept.take(history)
             certificate = certify(stored, kept)
         seconds = time.monotonic() - start
-        content = write_results(experiment, history, demonstrations, stored.directory, seconds, certificate)
+        if evaluation:
+            content = write_results(experiment, history, demonstrations, stored.directory, seconds, certificate)
+        else:
+            content = write_unevaluated(stored.directory, certificate, seconds)
         if as_json:
             print_json(content, stdout)
 
