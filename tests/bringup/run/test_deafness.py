@@ -60,11 +60,34 @@ def test_who_is_not_heard_is_started_again_later(own: tuple[str, ...], seconds: 
     assert network.after(2.0) == (["learner_1"] if seconds == LONGER else [])
 
 
+@pytest.mark.parametrize("case", ["deaf", "heard later", "others' host", "before this process began", "stands"])
+def test_a_supervisor_that_does_not_hear_what_its_learners_hear_is_deaf(case: str) -> None:
+    now = 0.0
+    deafness = Deafness(["learner_1"] if case != "others' host" else ["learner_2"], lambda: now)
+    parameters = {"learner_1": {1, 2, 3, 4, 5}, "learner_3": {1, 2}}
+
+    def said(iteration: int) -> str | None:
+        status = SimpleNamespace(iteration=iteration, mixed_from=["learner_3"], waiting_for=[])
+        return deafness.unheard({"learner_1": status}, parameters)
+
+    if case != "before this process began":
+        said(3)
+    assert said(3 if case == "stands" else 5) is None
+    now = PATIENCE + 1.0
+    if case == "heard later":
+        parameters["learner_3"].add(4)
+    words = said(3 if case == "stands" else 5)
+    expected = "learner_1 learned with parameters 4 of learner_3, which is not heard here for 20 s"
+    assert words == (expected if case == "deaf" else None)
+
+
 def test_a_run_starts_it_again_and_says_so(
     make_experiment: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file = make_experiment(learners=3, schedule={"kind": "directed_ring"})
     seen = Network(())
+    for status in seen.statuses.values():
+        status.mixed_from = []
     monitor = SimpleNamespace(
         statuses=seen.statuses, parameters=seen.parameters, presence=SimpleNamespace(is_lost=seen.lost.__contains__)
     )

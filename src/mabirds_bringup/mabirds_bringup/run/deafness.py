@@ -42,6 +42,8 @@ class Deafness:
     def __init__(self, own: Collection[str], clock: Callable[[], float] = time.monotonic) -> None:
         self._own, self._clock = own, clock
         self._since: dict[MissingParameters, float] = {}
+        self._unheard: dict[MissingParameters, float] = {}
+        self._first: dict[str, int] = {}
         self._told: dict[str, float] = {}
 
     def found(
@@ -62,6 +64,24 @@ class Deafness:
         new = {name: words for name, words in deaf if now - self._told.get(name, -LONGER) > PATIENCE}
         self._told |= dict.fromkeys(new, now)
         return [Deaf(*entry) for entry in new.items()]
+
+    def unheard(self, statuses: Mapping[str, Any], parameters: Mapping[str, Collection[int]]) -> str | None:
+        """Why this process is deaf itself, in words: learners got on with what it has not heard for a while."""
+        now = self._clock()
+        for name, status in statuses.items():
+            self._first.setdefault(name, status.iteration)
+        missing = {
+            (name, sender, status.iteration - 1)
+            for name, status in statuses.items()
+            for sender in (status.mixed_from if name in self._own and status.iteration > self._first[name] else ())
+            if sender in parameters and status.iteration - 1 not in parameters[sender]
+        }
+        self._unheard = {entry: self._unheard.get(entry, now) for entry in missing}
+        late = [entry for entry, since in self._unheard.items() if now - since > PATIENCE]
+        if not late:
+            return None
+        name, sender, iteration = late[0]
+        return f"{name} learned with parameters {iteration} of {sender}, which is not heard here for {PATIENCE:.0f} s"
 
     def _to_blame(self, entry: MissingParameters, seconds: float) -> Iterator[str]:
         waiting, awaited, _ = entry

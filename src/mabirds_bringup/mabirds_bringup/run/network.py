@@ -55,6 +55,10 @@ class HostMovedError(MabirdsError):
     """
 
 
+class DeafSupervisorError(HostMovedError):
+    """A supervisor does not hear a learner that others hear: its participant has to be made anew."""
+
+
 class NetworkResult(NamedTuple):
     """What the monitor received: theta and omega of all iterations, and who mixed whose.
 
@@ -154,10 +158,12 @@ class Network:
         return Deafness([name for name in self.names if waits and name in own])
 
     def _heal(self, supervisor: Supervisor, monitor: MonitorNode) -> Iterator[str]:
-        """Start learners again that do not hear each other."""
+        """Start learners again that do not hear each other. Raises DeafSupervisorError where this process is deaf."""
         for name, words in self._deafness.found(monitor.statuses, monitor.parameters, monitor.presence.is_lost):
             supervisor.restart(name)
             yield f"{name} is started again, since {words}"
+        if deaf := self._deafness.unheard(monitor.statuses, monitor.parameters):
+            raise DeafSupervisorError(f"{deaf}; go on by `mabirds run --resume {self.directory}`")
 
     def _farewell(self, monitor: MonitorNode) -> Farewell:
         return Farewell(self.only, [*self.names, PLAYER], monitor.digest)
