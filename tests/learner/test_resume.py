@@ -83,6 +83,25 @@ def test_demonstrations_of_another_bag_are_refused_until_the_first_one_is_back(
     assert bits(session.parameters) == bits(expected["learner_1"][-1])
 
 
+def test_demonstrations_that_name_another_bag_are_refused_also_after_a_restart(
+    make_experiment: Callable[..., Path],
+) -> None:
+    """The first that names a bag decides; who names none is believed, since players by hand know of none."""
+    experiment = load_experiment(make_experiment())
+    streams = demonstrations(experiment)
+    one, other = "1" * 64, "2" * 64
+    first = new_session(experiment)
+    first.receive_demonstration(1, streams["learner_1"][0], one)
+    session = new_session(experiment)
+    session.restore({1: first.arrays()})
+    for learner in (first, session):
+        with pytest.raises(RefusedMessageError, match=f"with digest {other}, those before it from {one}") as caught:
+            learner.receive_demonstration(2, streams["learner_1"][1], other)
+        assert caught.value.reason == OTHER_BAG
+        learner.receive_demonstration(2, streams["learner_1"][1])
+        learner.receive_demonstration(3, streams["learner_1"][2], one)
+
+
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_a_restart_before_every_update_changes_no_bit(make_experiment: Callable[..., Path], algorithm: str) -> None:
     check_restarts(load_experiment(make_experiment(change={"algorithm": ALGORITHMS[algorithm]})))

@@ -1,5 +1,7 @@
 """Addresses of this host, and that a change is noticed once it lasts."""
 
+import time
+
 import psutil
 
 from mabirds_msgs_py.addresses import LASTING, AddressWatch, own_addresses
@@ -63,6 +65,18 @@ def test_a_link_that_comes_up_is() -> None:
     host.addresses |= {"eth1 10.0.1.1"}
     assert host.seen(1.0) is None
     assert host.seen(LASTING) == "addresses of this host have changed (gone: none; new: eth1 10.0.1.1)"
+
+
+def test_what_was_away_for_a_moment_while_the_participant_was_made_is_new() -> None:
+    host, before = Host(), 0
+    with host.watch.while_made():
+        host.addresses = frozenset()
+        before = host.looks
+        while host.looks < before + 2:
+            time.sleep(0.001)
+        host.addresses = frozenset({"eth0 10.0.0.1"})
+    assert host.seen(1.0) is None
+    assert host.seen(LASTING) == "addresses of this host have changed (gone: none; new: eth0 10.0.0.1)"
 
 
 def test_it_looks_once_a_second_at_most() -> None:

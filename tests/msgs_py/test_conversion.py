@@ -25,6 +25,7 @@ from mabirds_msgs_py.conversion import (
     read_parameters,
     schedule_message,
 )
+from mabirds_msgs_py.demonstration_origin import bag_of, played_to
 from mabirds_msgs_py.topics import split_namespace
 
 PARAMETERS = Parameters(np.array([1.5, -2.0, 1e-300]), np.array([0.1]))
@@ -124,6 +125,31 @@ def test_unfit_demonstrations_are_refused(
     with pytest.raises(RefusedMessageError) as refused:
         read_demonstration(build_game(experiment), "learner_1", demonstration)
     assert refused.value.reason == reason
+
+
+def test_a_demonstration_names_its_bag(experiment: Experiment, demonstration: Demonstration) -> None:
+    game, bag = build_game(experiment), "0" * 64
+    for named, found in ((played_to(experiment.digest, bag), bag), (played_to(experiment.digest, ""), ""), ("", "")):
+        demonstration.experiment_digest = named
+        message = through_cdr(demonstration)
+        read_demonstration(game, "learner_1", message, experiment.digest)
+        assert bag_of(message) == found
+    assert played_to(experiment.digest, "") == experiment.digest
+
+
+def test_another_network_with_a_bag_is_refused(experiment: Experiment, demonstration: Demonstration) -> None:
+    demonstration.experiment_digest = played_to("v4-fixed-0", "0" * 64)
+    with pytest.raises(RefusedMessageError, match="v4-fixed-0', expected") as refused:
+        read_demonstration(build_game(experiment), "learner_1", demonstration, experiment.digest)
+    assert refused.value.reason == "wrong_experiment"
+
+
+@pytest.mark.parametrize("bag", ["0" * 63, "G" * 64, "0 1", " "])
+def test_what_is_no_digest_of_a_bag_is_refused(demonstration: Demonstration, bag: str) -> None:
+    demonstration.experiment_digest = f"v4-fixed-0 {bag}"
+    with pytest.raises(RefusedMessageError, match="expected 64 digits") as refused:
+        bag_of(demonstration)
+    assert refused.value.reason == "wrong_experiment"
 
 
 def test_a_schedule_message_tells_the_whole_schedule() -> None:

@@ -1,5 +1,8 @@
 """Links that are down at first and addresses that change: every bit of the result stays, nothing has to be done."""
 
+import os
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -8,6 +11,7 @@ from halves import Halves, settings, two_halves
 from namespaces import obstacle
 
 from mabirds_msgs_py.environment import FASTDDS_PROFILE
+from mabirds_msgs_py.node_main import EXIT_MOVED, SUPERVISOR
 
 OBSTACLE = obstacle()
 pytestmark = pytest.mark.skipif(OBSTACLE is not None, reason=f"no network namespaces: {OBSTACLE}")
@@ -36,3 +40,35 @@ def test_a_link_that_is_down_at_first_and_an_address_that_changes(
     halves.wait(lambda: "gone: eth0 10.77.0.2; new: eth0 10.77.0.3" in halves.said("right"))
     halves.assert_all_whole(file)
     assert "have changed" not in halves.said("left")
+
+
+PARTICIPANT = """
+import sys
+from mabirds_msgs_py.network_node import NetworkNode
+from mabirds_msgs_py.node_main import run_node
+def create():
+    print("begun", flush=True)
+    input()
+    node = NetworkNode("late")
+    print("made", flush=True)
+    return node
+sys.exit(run_node(create, "", []))
+"""
+
+
+def test_a_link_that_is_down_while_a_participant_is_made(halves: Halves) -> None:
+    """Nobody on other hosts would ever hear it; its addresses before and after are the same."""
+    command = halves.lan.inside("right", [sys.executable, "-c", PARTICIPANT])
+    environment = {**os.environ, SUPERVISOR: str(os.getpid())}
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
+    ) as process:
+        assert process.stdin
+        assert process.stdout
+        assert process.stdout.readline() == "begun\n"
+        halves.lan.cut("right")
+        process.stdin.write("\n")
+        process.stdin.flush()
+        assert process.stdout.readline() == "made\n"
+        halves.lan.plug("right")
+        assert process.wait(timeout=20) == EXIT_MOVED, process.stderr

@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 from identity import assert_same_histories, bits
 
+from mabirds_bringup.commands.demonstrations import digest_at_hand
 from mabirds_bringup.commands.simulate import simulate_from_bag
 from mabirds_bringup.run.stored_run import load_run
 from mabirds_core.algorithm.parameters import Parameters
@@ -212,6 +213,29 @@ def test_learners_refuse_the_bag_of_a_player_that_was_started_by_hand(
         nodes.executor.remove_node(player)
         nodes.all.remove(player)
         player.destroy_node()
+    reference = simulate_from_bag(experiment)
+    for learner in learners:
+        assert bits(learner.session.parameters) == bits(reference[learner.learner_name][-1])
+
+
+def test_of_two_players_with_different_bags_learners_believe_the_first(
+    make_experiment: Callable[..., Path], nodes: Any
+) -> None:
+    """Demonstrations name the bag of their player; those of the other are refused by name, and no bit changes."""
+    file = make_experiment(iterations=12)
+    experiment = load_experiment(file)
+    other = make_experiment(name="other", iterations=12, change={"demonstrations": {**OTHER_SHOWN, "per_learner": 12}})
+    learners = [nodes.learner(file, name, status_period=0.2) for name in experiment.learners]
+    players = []
+    for bag, done in (
+        (file.with_name("bag"), lambda learner: learner.session.iteration >= 4),
+        (other.with_name("bag"), lambda learner: learner._drops[OTHER_BAG]),
+    ):
+        digest = digest_at_hand(experiment, file, (bag,), needed=True)
+        players.append(nodes.player(file, bag=str(bag), bag_digest=digest, hz=5.0))
+        nodes.spin_until(lambda done=done: all(map(done, learners)))
+        players[0].control.set_paused(len(players) == 1)
+    nodes.spin_until(lambda: all(learner.session.finished for learner in learners))
     reference = simulate_from_bag(experiment)
     for learner in learners:
         assert bits(learner.session.parameters) == bits(reference[learner.learner_name][-1])

@@ -1,10 +1,14 @@
 """A stepped clock is what processes see, and timers of ours go on where those of ROS stand still."""
 
 import os
+import select
+import socket
 import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -45,6 +49,19 @@ count()
 input()
 executor.spin_once(timeout_sec=0.1)
 count()
+"""
+
+NODE = """
+import sys
+from mabirds_msgs_py import clock_watch
+from mabirds_msgs_py.network_node import NetworkNode
+from mabirds_msgs_py.node_main import run_node
+clock_watch.PERIOD = float(sys.argv[1])
+class Ticking(NetworkNode):
+    def __init__(self):
+        super().__init__("ticking")
+        self.create_timer(0.05, lambda: print(1, flush=True))
+sys.exit(run_node(Ticking, "", []))
 """
 
 
@@ -106,6 +123,54 @@ def test_a_wait_until_a_time_ends_when_the_clock_is_set_beyond_it(clock: Stepped
     threading.Timer(0.3, clock.set, [HOUR]).start()
     done = subprocess.run([program], env={**os.environ, **clock.environment}, timeout=20, check=False)
     assert done.returncode == 7
+
+
+@contextmanager
+def a_node(clock: SteppedClock, look: float) -> Iterator["subprocess.Popen[str]"]:
+    """A node alone, which looks at the clock so often."""
+    command, environment = [sys.executable, "-c", NODE, str(look)], {**os.environ, **clock.environment}
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+@contextmanager
+def announcements() -> Iterator[socket.socket]:
+    """Gets what participants on this host say about themselves, every three seconds, to whom it may concern."""
+    port = 7400 + 250 * int(os.environ["ROS_DOMAIN_ID"])
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
+        receiver.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        receiver.bind(("239.255.0.1", port))
+        group = socket.inet_aton("239.255.0.1") + socket.inet_aton("127.0.0.1")
+        receiver.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, group)
+        yield receiver
+
+
+def count(receiver: socket.socket, seconds: float) -> int:
+    """Datagrams from now on."""
+    received, end = 0, time.monotonic() + seconds
+    while (left := end - time.monotonic()) > 0:
+        readable, _, _ = select.select([receiver], [], [], left)
+        received += len([receiver.recv(65536) for _ in readable])
+    return received
+
+
+@needs_compiler
+@pytest.mark.parametrize(("look", "goes_on"), [(0.1, True), (1000.0, False)])
+def test_nobody_waits_for_a_time_that_was_set_back(clock: SteppedClock, look: float, goes_on: bool) -> None:
+    """A node alone ticks and announces itself as before; without a look at the clock it would sleep for an hour."""
+    clock.set(HOUR)
+    with announcements() as receiver, a_node(clock, look) as process:
+        line(process)
+        assert count(receiver, 4.0)
+        clock.set(0.0)
+        count(receiver, 1.0)
+        assert bool(count(receiver, 8.0)) == goes_on
+        assert process.stdout
+        ticks = os.read(process.stdout.fileno(), 65536).count(b"\n")
+        assert (ticks > 100) == goes_on
 
 
 def test_ci_can_step_clocks() -> None:

@@ -44,6 +44,7 @@ from mabirds_msgs_py import diagnostics, topics
 from mabirds_msgs_py.bag_digest import require_digest
 from mabirds_msgs_py.bag_reader import DemonstrationBag
 from mabirds_msgs_py.conversion import NANOSECONDS, time_message
+from mabirds_msgs_py.demonstration_origin import played_to
 from mabirds_msgs_py.environment import prepare_environment
 from mabirds_msgs_py.network_node import NetworkNode
 from mabirds_msgs_py.node_main import run_node
@@ -263,7 +264,7 @@ class ExpertPlayerNode(NetworkNode):
 
     def _publish(self, learner: str, iteration: int) -> None:
         message = self._ahead[learner].take(iteration)
-        message.experiment_digest = self._experiment_digest
+        message.experiment_digest = played_to(self._experiment_digest, self._value("bag_digest"))
         self._publishers_by_learner[learner].publish(message)
 
     def _report_holding_back(self, learner: str, stream: Stream) -> None:

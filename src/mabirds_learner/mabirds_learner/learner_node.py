@@ -31,6 +31,7 @@ from mabirds_msgs_py import topics
 from mabirds_msgs_py.constraints_conversion import constraints_message, constraints_text
 from mabirds_msgs_py.conversion import read_demonstration
 from mabirds_msgs_py.declaration_key import read_key
+from mabirds_msgs_py.demonstration_origin import bag_of, network_of
 from mabirds_msgs_py.environment import prepare_environment
 from mabirds_msgs_py.node_main import run_node
 from mabirds_msgs_py.presence import MAX_DIGEST, MAX_STRANGERS, LivelinessMonitor
@@ -195,10 +196,10 @@ class LearnerNode(ProgressNode):
     def _on_demonstration(self, message: Demonstration) -> None:
         try:
             trajectory = read_demonstration(self.game, self.learner_name, message, self.experiment_digest)
-            self.session.receive_demonstration(message.iteration, trajectory)
+            self.session.receive_demonstration(message.iteration, trajectory, bag_of(message))
         except RefusedMessageError as error:
             if error.reason == "wrong_experiment" and len(self._strangers) < MAX_STRANGERS:
-                self._strangers.add(message.experiment_digest[:MAX_DIGEST])
+                self._strangers.add(network_of(message)[:MAX_DIGEST])
             self.reject(f"{topics.DEMONSTRATION} {message.iteration}", error)
         else:
             self.go_on()

@@ -31,8 +31,12 @@ MIXED_FROM = "mixed_from"
 SHOWN = "last_demonstration_sha256"
 """Name of the array with the digest of zeta(n - 1), in a checkpoint."""
 
+BAG = "bag_sha256"
+"""Name of the array with the digest of the bag that demonstrations are from, in a checkpoint."""
+
 OTHER_BAG = "other_bag"
-"""Reason for which demonstrations are refused: a player has repeated the last learned one with other content."""
+"""Reason for which demonstrations are refused: they are from another bag, or the last learned one came with other
+content."""
 
 LIKELIHOOD = "held_out_log_likelihood"
 """Name of the metric, in nats, of the demonstration that an update is about to learn from."""
@@ -66,7 +70,7 @@ class LearnerSession(SessionState, Generic[AMember]):
         self._learners = member.learner.mixer.schedule.learners
         self._demonstrations: dict[int, Trajectories] = {}
         self._shown: dict[int, Array] = {}
-        self._of_other_bag = False
+        self._of_other_bag, self._bag = False, ""
         self._own: dict[int, Parameters] = {self.iteration: self.parameters}
         member.on_join = self._on_join
 
@@ -118,7 +122,7 @@ class LearnerSession(SessionState, Generic[AMember]):
         """Can the next update be made?"""
         return not (self.finished or self.waiting_for())
 
-    def receive_demonstration(self, iteration: int, trajectory: Trajectories) -> None:
+    def receive_demonstration(self, iteration: int, trajectory: Trajectories, bag: str = "") -> None:
         """Keep a demonstration.
 
         Parameters
@@ -127,12 +131,15 @@ class LearnerSession(SessionState, Generic[AMember]):
             n.
         trajectory : Trajectories
             zeta(n).
+        bag : str, optional
+            Digest of the bag that it is from, where its player says so.
 
         Raises
         ------
         RefusedMessageError
             It is old, known, or too far ahead, or its player has another bag than the one that was learned from.
         """
+        self._require_bag(bag)
         if iteration in self._shown:
             self._of_other_bag = bool((self._shown[iteration] != _digest(trajectory)).any())
         if self._of_other_bag:
@@ -144,6 +151,16 @@ class LearnerSession(SessionState, Generic[AMember]):
         ahead = min(self.limits.demonstration_history, self.limits.iterations + 1 - self.iteration)
         check_iteration(iteration, self.iteration, self._demonstrations, ahead, trajectory)
         self._demonstrations[iteration] = trajectory
+        self._bag = self._bag or bag
+
+    def _require_bag(self, bag: str) -> None:
+        """The first demonstration that names one decides."""
+        if bag and self._bag and bag != self._bag:
+            raise RefusedMessageError(
+                OTHER_BAG,
+                f"it is from a bag with digest {bag}, those before it from {self._bag}: end this player, and bring the"
+                " first bag back or start another run",
+            )
 
     def step(self) -> dict[str, float]:
         """Make update n, only when ``ready``; returns the norms of its gradients and what its member shows."""
@@ -215,7 +232,8 @@ class LearnerSession(SessionState, Generic[AMember]):
         mixed_from = {MIXED_FROM: indices_of(self._learners, self.mixed_from)}
         last = self._shown.get(self.iteration - 1)
         shown = {} if last is None else {SHOWN: last}
-        return {**to_arrays(self.learner, self.state), **self.member.arrays(), **mixed_from, **shown}
+        bag = {BAG: _bytes(self._bag)} if self._bag else {}
+        return {**to_arrays(self.learner, self.state), **self.member.arrays(), **mixed_from, **shown, **bag}
 
     def restore(self, checkpoints: Checkpoints) -> None:
         """Go on from the newest complete checkpoint; all of them answer neighbours.
@@ -235,6 +253,7 @@ class LearnerSession(SessionState, Generic[AMember]):
         self.member.restore(newest, checkpoints[newest])
         self.mixed_from = names_at(self._learners, checkpoints[newest][MIXED_FROM])
         self._shown = {newest - 1: checkpoints[newest][SHOWN]} if SHOWN in checkpoints[newest] else {}
+        self._bag = checkpoints[newest][BAG].tobytes().hex() if BAG in checkpoints[newest] else ""
 
     @property
     def kept(self) -> Mapping[int, Parameters]:
@@ -244,7 +263,12 @@ class LearnerSession(SessionState, Generic[AMember]):
 
 def _digest(demonstration: Trajectories) -> Array:
     """SHA-256 of states and actions, shape (32,)."""
-    return np.frombuffer(bytes.fromhex(arrays_digest(demonstration)), dtype=np.uint8)
+    return _bytes(arrays_digest(demonstration))
+
+
+def _bytes(digest: str) -> Array:
+    """A hexadecimal digest as numbers, two digits each."""
+    return np.frombuffer(bytes.fromhex(digest), dtype=np.uint8)
 
 
 def is_complete(arrays: Mapping[str, Array]) -> bool:

@@ -5,8 +5,10 @@ import fcntl
 import socket
 import struct
 import sys
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 SIOCGIFCONF, SIOCGIFFLAGS = 0x8912, 0x8913
 
@@ -18,6 +20,9 @@ ENTRY, MAX_ENTRIES = 40, 256
 
 PERIOD, LASTING = 1.0, 3.0
 """Seconds between two looks, and for which a change must last."""
+
+PERIOD_AT_FIRST = 0.02
+"""Seconds between two looks while a participant is made."""
 
 
 def own_addresses() -> frozenset[str]:
@@ -62,6 +67,34 @@ class AddressWatch:
         self._at_first = look()
         self._looked_at, self._changed_at = clock(), 0.0
         self._now = self._at_first
+
+    @contextmanager
+    def while_made(self) -> Iterator[None]:
+        """Look all the time while a participant is made: it may lack what was away for a moment, and never gets it.
+
+        Such a process hears those of its own host, and nobody else.
+
+        Yields
+        ------
+        None
+            Nothing.
+        """
+        over = threading.Event()
+
+        def look() -> None:
+            while not over.is_set():
+                self._at_first &= self._look()
+                time.sleep(PERIOD_AT_FIRST)
+
+        thread = threading.Thread(target=look, daemon=True, name="address watch")
+        thread.start()
+        try:
+            yield
+        finally:
+            over.set()
+            thread.join()
+            self._now = self._look()
+            self._at_first &= self._now
 
     def changed(self) -> str | None:
         """In words how they have changed, once new ones have stayed for a while; looks once a second at most."""

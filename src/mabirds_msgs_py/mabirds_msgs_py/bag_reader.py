@@ -140,7 +140,9 @@ class DemonstrationBag:
         message = _deserialized(spool.data(index), where)
         try:
             # A bag recorded from the network names the experiment that was played then; any may learn from it.
-            return message, read_demonstration(self._game, learner, message, message.experiment_digest)
+            return message, read_demonstration(
+                self._game, learner, message, message.experiment_digest.partition(" ")[0]
+            )
         except RefusedMessageError as error:
             raise BagError(f"{where}: {error}") from None
 

@@ -17,6 +17,7 @@ from mabirds_core.digest import arithmetic_differs
 from mabirds_core.errors import ImpossibleTrajectoryError, RefusedMessageError, ScheduleError
 from mabirds_core.games.interface import ConstrainedMarkovGame, Trajectories
 from mabirds_core.texts import sanitize, truncate
+from mabirds_msgs_py.demonstration_origin import network_of
 
 NANOSECONDS = 1_000_000_000
 
@@ -101,8 +102,8 @@ def read_demonstration(
         It is for another learner, network or game, or is no trajectory of this one.
     """
     _require("wrong_learner", "learner", message.learner, learner)
-    if message.experiment_digest:
-        require_experiment(message.experiment_digest, experiment_digest)
+    if network := network_of(message):
+        require_experiment(network, experiment_digest)
     _require("wrong_game", "game digest", message.game_digest, game.digest)
     arrays = []
     for name, columns in (("states", message.state_size), ("actions", message.action_size)):

@@ -14,6 +14,7 @@ from rclpy.node import Node
 
 from mabirds_core.errors import MabirdsError
 from mabirds_msgs_py.addresses import AddressWatch
+from mabirds_msgs_py.clock_watch import SetBack, waking
 from mabirds_msgs_py.message_loop import MessageLoop
 from mabirds_msgs_py.network_node import require_known_parameters
 from mabirds_msgs_py.security import start_ros
@@ -59,24 +60,20 @@ def run_node(create: Callable[[], Node], help_text: str, arguments: Sequence[str
         print(help_text)  # noqa: T201 - what --help is for
         return EXIT_FINISHED
     _end_with_supervisor()
-    addresses, told = AddressWatch(), False  # before the participant is made, which keeps those that there are
+    addresses, clock = AddressWatch(), SetBack()  # before the participant is made, which keeps to both
     try:
         start_ros(given)
     except MabirdsError as error:
         return _refuse(error)
     try:
         executor = SingleThreadedExecutor()  # before the node is seen: whoever sees it may end this process
-        node = create()
+        with addresses.while_made():
+            node = create()
         require_known_parameters(node)
         loop = MessageLoop(node, executor)
-        while rclpy.ok() and not getattr(node, "done", False):
-            loop.spin_once(timeout_sec=IDLE_WAKE_UP)
-            if not told and (words := addresses.changed()):
-                if SUPERVISOR in os.environ:
-                    print(f"{words}; to be started again", file=sys.stderr)  # noqa: T201 - into the log
-                    return EXIT_MOVED
-                node.get_logger().warning(f"{words}: others may not hear this process; start it again")
-                told = True
+        with waking(executor, node, clock):
+            if not _spin(node, loop, addresses):
+                return EXIT_MOVED
         loop.close()
         node.destroy_node()
     except BAD_INPUT as error:
@@ -89,6 +86,20 @@ def run_node(create: Callable[[], Node], help_text: str, arguments: Sequence[str
     finally:
         rclpy.try_shutdown()
     return EXIT_FINISHED
+
+
+def _spin(node: Node, loop: MessageLoop, addresses: AddressWatch) -> bool:
+    """Until it is done, True; or until it must be started again since the host has other addresses, False."""
+    told = False
+    while rclpy.ok() and not getattr(node, "done", False):
+        loop.spin_once(timeout_sec=IDLE_WAKE_UP)
+        if not told and (words := addresses.changed()):
+            if SUPERVISOR in os.environ:
+                print(f"{words}; to be started again", file=sys.stderr)  # noqa: T201 - into the log
+                return False
+            node.get_logger().warning(f"{words}: others may not hear this process; start it again")
+            told = True
+    return True
 
 
 def _refuse(error: Exception) -> int:

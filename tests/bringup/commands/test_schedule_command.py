@@ -32,6 +32,8 @@ def test_check_reports_the_assumptions_and_draws(make_experiment: Callable[..., 
     assert content["slots"][0]["row_sums"] == pytest.approx([1] * 4)
     assert ["learner_1", "learner_2"] in content["slots"][0]["edges"]
     assert "B = 2 iterations" in result.stderr
+    assert "joint actions, horizon" in result.stderr
+    assert content["size"]["states"] > 1
     with Image.open(tmp_path / "slots.png") as image:
         assert image.size[0] > 300
 

@@ -55,6 +55,20 @@ def test_a_whole_run_is_certified(directory: Path) -> None:
     assert check(directory) == 0
 
 
+def test_a_run_may_be_evaluated_later(make_experiment: Callable[..., Path], tmp_path: Path) -> None:
+    """With the same result, to the last bit; the time that it took is kept."""
+    file = make_experiment(iterations=4)
+    for name, evaluation in (("at_once", True), ("later", False)):
+        simulate(file, out=tmp_path / name, evaluation=evaluation)
+    later = (tmp_path / "later" / "latest").resolve()
+    before = summary_of(later)
+    assert (before["complete"], "learners" in before, (later / "report.html").exists()) == (True, False, False)
+    assert check(later) == 0
+    assert report(later) == 0
+    assert summary_of(later) == {**summary_of(tmp_path / "at_once" / "latest"), "wall_seconds": before["wall_seconds"]}
+    assert (later / "metrics.csv").read_bytes() == (tmp_path / "at_once" / "latest" / "metrics.csv").read_bytes()
+
+
 def a_record_is_gone(directory: Path) -> None:
     file = directory / "parameters" / "learner_2.log"
     content = bytearray(file.read_bytes())

@@ -72,6 +72,16 @@ def test_a_child_whose_host_has_moved_is_started_again_however_often(make: Make)
     assert set(news) == {"one is started again, since addresses of this host have changed"}
 
 
+def test_a_child_that_is_started_again_on_purpose_counts_no_death(make: Make) -> None:
+    supervisor = make({"one": SLEEPER}, restarts=0)
+    look_until(supervisor, lambda: running(supervisor))
+    first = supervisor.children["one"].process
+    supervisor.restart("one")
+    assert running(supervisor) == []
+    assert look_until(supervisor, lambda: running(supervisor)) == []
+    assert supervisor.children["one"].process is not first
+
+
 def test_pauses_double_and_the_last_death_ends_the_run(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "FIRST_PAUSE", 0.01)
     supervisor = make({"one": ending_with(7)}, restarts=3)

@@ -18,6 +18,7 @@ from mabirds_bringup.watch.inspector import InspectorNode, WatchedLearner, descr
 from mabirds_core.errors import ExperimentError
 from mabirds_core.texts import sanitize
 from mabirds_learner.learner_session import DEMONSTRATION
+from mabirds_msgs_py.clock_watch import SetBack, waking
 from mabirds_msgs_py.constraints_conversion import constraints_text
 from mabirds_msgs_py.security import enclave_arguments, start_ros
 
@@ -64,10 +65,10 @@ def _follow(top: int) -> int:
     def on_constraints(learner: WatchedLearner) -> None:
         _print(f"{learner.namespace} {_constraints_line(learner, top)}")
 
-    executor = SingleThreadedExecutor()
-    executor.add_node(InspectorNode(on_parameters, on_status, on_constraints))
+    executor, node = SingleThreadedExecutor(), InspectorNode(on_parameters, on_status, on_constraints)
+    executor.add_node(node)
     console.print("looking for learners; Ctrl-C ends")
-    with suppress(KeyboardInterrupt):
+    with suppress(KeyboardInterrupt), waking(executor, node, SetBack()):
         executor.spin()
     return exit_codes.FINISHED
 

@@ -31,4 +31,8 @@ FirstSeed = Annotated[int, typer.Option(help="The first of them.", min=0, max=1_
 MostIterations = Annotated[int, typer.Option("--iterations", help="At most so many, for a quick look.", min=1)]
 Jobs = Annotated[int, typer.Option(help="Cases at once; times are comparable with 1.", min=1, max=256)]
 ReportDirectory = Annotated[Path, typer.Option(help="Report directory.")]
+Evaluation = Annotated[
+    bool,
+    typer.Option("--evaluation/--no-evaluation", help="Judge what was learned; `mabirds report` does it later, too."),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print exactly one JSON object on standard output.")]

@@ -20,6 +20,7 @@ from mabirds_bringup.watch import player_view
 from mabirds_bringup.watch.keyboard import Keyboard
 from mabirds_core.texts import sanitize
 from mabirds_expert_player.player_node import ExpertPlayerNode
+from mabirds_msgs_py.clock_watch import SetBack, waking
 from mabirds_msgs_py.conversion import NANOSECONDS
 from mabirds_msgs_py.security import enclave_arguments, start_ros
 
@@ -73,7 +74,8 @@ def _play(node: ExpertPlayerNode, keyboard: Keyboard | None) -> None:
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     node.create_subscription(Log, "/rosout", lambda entry: _show(node, entry), 100)
-    with _keys(keyboard), _Picture(node, keys=bool(keyboard and keyboard.is_there)) as picture:
+    picture = _Picture(node, keys=bool(keyboard and keyboard.is_there))
+    with waking(executor, node, SetBack()), _keys(keyboard), picture:
         while not node.done:
             executor.spin_once(timeout_sec=BAR_PERIOD)
             for key in keyboard.pressed() if keyboard else ():

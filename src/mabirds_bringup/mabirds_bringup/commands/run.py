@@ -12,7 +12,7 @@ from rich.live import Live
 
 from mabirds_bringup import exit_codes
 from mabirds_bringup.commands.demonstrations import digest_at_hand
-from mabirds_bringup.commands.options import CentralMethodName, Json, RunsDirectory
+from mabirds_bringup.commands.options import CentralMethodName, Evaluation, Json, RunsDirectory
 from mabirds_bringup.commands.player_options import LESS_THAN_ALL, takes_player_options
 from mabirds_bringup.commands.report import report_on
 from mabirds_bringup.console import console, ending_as_interrupted, guarded_output, print_json
@@ -20,10 +20,12 @@ from mabirds_bringup.evaluate.results import audit, write_unjudged
 from mabirds_bringup.run import run_directory
 from mabirds_bringup.run.certificate import certify
 from mabirds_bringup.run.network import PLAYER, HostMovedError, Network, NetworkResult
+from mabirds_bringup.run.size import shown_size
 from mabirds_bringup.run.stored_run import NETWORK, RunPlan, StoredRun, begin, find_run, load_run, locked
 from mabirds_bringup.run.supervisor import Supervisor
 from mabirds_bringup.watch.live_table import live_table, plain_line
 from mabirds_bringup.watch.monitor import MonitorNode
+from mabirds_bringup.watch.time_left import TimeLeft
 from mabirds_core.errors import ExperimentError, MabirdsError
 from mabirds_core.experiment.file import Experiment, load_experiment
 
@@ -56,6 +58,7 @@ def run(  # noqa: PLR0913, PLR0917 - the options of a command
         Path | None, typer.Option(help="Go on with the run of this directory, from its checkpoints.")
     ] = None,
     out: RunsDirectory = Path("runs"),
+    evaluation: Evaluation = True,
     as_json: Json = False,
 ) -> int:
     """Run an experiment: one process per learner plus the expert player, until everything is learned.
@@ -71,12 +74,13 @@ def run(  # noqa: PLR0913, PLR0917 - the options of a command
                 return _shown(stored.summary(), as_json, stdout)
             player = {**stored.plan.player, **_absolute(player)}
             with locked(stored.directory):
-                content = _run(stored, player, restarts)
+                content = _run(stored, player, restarts, evaluation=evaluation)
             return _shown(content, as_json, stdout)
     except HostMovedError as error:
         if stored.plan.method:
             raise
-        return _go_on(error, [] if resume or name else ["--resume", stored.directory, "--restarts", restarts], as_json)
+        same = ["--resume", stored.directory, "--restarts", restarts, *([] if evaluation else ["--no-evaluation"])]
+        return _go_on(error, [] if resume or name else same, as_json)
 
 
 def _has_all(stored: StoredRun) -> bool:
@@ -146,7 +150,7 @@ def _named_or_new(file: Path | None, plan: RunPlan, out: Path) -> StoredRun:
     return begin(out, experiment, file, bag_digest=bag_digest, plan=plan, method=plan.method)
 
 
-def _run(stored: StoredRun, player: Mapping[str, object], restarts: int) -> dict[str, Any]:
+def _run(stored: StoredRun, player: Mapping[str, object], restarts: int, *, evaluation: bool) -> dict[str, Any]:
     """Run, and write what came of it, be it whole or not."""
     experiment, start = stored.experiment, time.monotonic()
     network = Network(
@@ -160,10 +164,12 @@ def _run(stored: StoredRun, player: Mapping[str, object], restarts: int) -> dict
         shared_run=stored.plan.run,
         bag_digest=stored.bag_digest or "",
     )
+    shown_size(experiment, len([name for name in network.names if name in (network.only or network.names)]))
     try:
         with _Display(experiment, network) as display:
             result = network.run(display.update)
-        return report_on(stored, time.monotonic() - start, result.departed, _audited(stored, result))
+        seconds, delivered = time.monotonic() - start, _audited(stored, result)
+        return report_on(stored, seconds, result.departed, delivered, evaluation=evaluation)
     except (KeyboardInterrupt, MabirdsError, OSError) as error:
         with stored.open_history() as kept:
             write_unjudged(stored.directory, certify(stored, kept), str(error) or "interrupted")
@@ -187,7 +193,7 @@ class _Display:
     def __init__(self, experiment: Experiment, network: Network) -> None:
         self._experiment, self._started = experiment, network.only or (*network.names, "the expert player")
         self._live = Live(console=console, refresh_per_second=4, transient=True) if console.is_terminal else None
-        self._last = time.monotonic()
+        self._last, self._left = time.monotonic(), TimeLeft(experiment.iterations)
 
     def __enter__(self) -> Self:
         console.print(f"starting {', '.join(self._started)}", soft_wrap=True)
@@ -207,7 +213,8 @@ class _Display:
         if time.monotonic() - self._last < period:
             return
         self._last = time.monotonic()
+        left = self._left.words([int(status.last_demonstration) for status in monitor.statuses.values()])
         if self._live:
-            self._live.update(live_table(self._experiment, monitor))
+            self._live.update(live_table(self._experiment, monitor, left))
         else:
-            console.print(plain_line(self._experiment, monitor), soft_wrap=True)
+            console.print("; ".join(filter(None, [plain_line(self._experiment, monitor), left])), soft_wrap=True)

@@ -10,6 +10,7 @@ from rich.table import Table
 
 from mabirds_bringup.commands.options import ExperimentFile, Json
 from mabirds_bringup.console import console, guarded_output, print_json
+from mabirds_bringup.run.size import shown_size
 from mabirds_core.consensus import generators
 from mabirds_core.consensus.assumptions import validate
 from mabirds_core.consensus.schedule import EdgeSchedule
@@ -29,22 +30,24 @@ def check(
     png: Annotated[Path | None, typer.Option(help="Draw the graph of every slot into this PNG.")] = None,
     as_json: Json = False,
 ) -> None:
-    """Check an experiment's schedule: Assumptions 2 and 3, and how fast learners agree.
+    """Check an experiment's schedule: Assumptions 2 and 3, how fast learners agree, and what an iteration takes.
 
     Example: mabirds schedule check ros_ws/config/patrol.yaml --png schedule.png
     """
     with guarded_output() as stdout:
-        schedule = load_experiment(file).edge_schedule  # refuses an impossible one, naming edge, slot or learners
+        experiment = load_experiment(file)
+        schedule = experiment.edge_schedule  # refuses an impossible one, naming edge, slot or learners
         content = _content(schedule)
         console.print(_table(content))
         console.print(
             f"B = {content['connectivity_window']} iterations, epsilon = {content['smallest_weight']:.4f}; within B"
             f" iterations disagreement shrinks to {content['contraction']:.4f} of itself or less"
         )
+        size = shown_size(experiment, len(experiment.learners))
         if png:
             _draw(schedule, png)
         if as_json:
-            print_json(content, stdout)
+            print_json({**content, "size": size and size.content}, stdout)
 
 
 def _content(schedule: EdgeSchedule) -> dict[str, Any]:

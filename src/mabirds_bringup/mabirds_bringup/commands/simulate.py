@@ -4,10 +4,11 @@ import time
 from pathlib import Path
 
 from mabirds_bringup.commands.demonstrations import demonstrations_of
-from mabirds_bringup.commands.options import CentralMethodName, ExperimentFile, Json, RunsDirectory
+from mabirds_bringup.commands.options import CentralMethodName, Evaluation, ExperimentFile, Json, RunsDirectory
 from mabirds_bringup.console import ending_as_interrupted, guarded_output, print_json, progress_bar
-from mabirds_bringup.evaluate.results import write_results
+from mabirds_bringup.evaluate.results import write_results, write_unevaluated
 from mabirds_bringup.run.certificate import certify
+from mabirds_bringup.run.size import shown_size
 from mabirds_bringup.run.stored_run import begin
 from mabirds_core.digest import demonstrations_digest
 from mabirds_core.experiment.file import Experiment, load_experiment
@@ -19,6 +20,7 @@ def simulate(
     file: ExperimentFile,
     method: CentralMethodName = None,
     out: RunsDirectory = Path("runs"),
+    evaluation: Evaluation = True,
     as_json: Json = False,
 ) -> None:
     """Run an experiment's learners in one process, without any network; same results to the last bit.
@@ -27,6 +29,7 @@ def simulate(
     """
     with guarded_output() as stdout, ending_as_interrupted():
         experiment = load_experiment(file)
+        shown_size(experiment, 1)
         start = time.monotonic()
         demonstrations = demonstrations_of(experiment)
         shown = {name: stream[: experiment.iterations] for name, stream in demonstrations.items()}
@@ -37,7 +40,10 @@ def simulate(
             kept.take(history)
             certificate = certify(stored, kept)
         seconds = time.monotonic() - start
-        content = write_results(experiment, history, demonstrations, stored.directory, seconds, certificate)
+        if evaluation:
+            content = write_results(experiment, history, demonstrations, stored.directory, seconds, certificate)
+        else:
+            content = write_unevaluated(stored.directory, certificate, seconds)
         if as_json:
             print_json(content, stdout)
 

@@ -79,6 +79,19 @@ def write_results(
     return content
 
 
+def write_unevaluated(
+    directory: Path, certificate: Certificate, seconds: float, delivered: dict[str, Any] | None = None
+) -> dict[str, Any]:
+    """Write, show and return the summary of a run that is to be judged later: whether it is whole."""
+    content = {**certificate.content, "wall_seconds": seconds}
+    if delivered is not None:
+        content["delivered_graph"] = delivered
+    run_directory.write_json(directory / "summary.json", content)
+    show_missing(content, directory)
+    console.print(f"learned, not evaluated; `mabirds report {directory}` does it", soft_wrap=True)
+    return content
+
+
 def write_unjudged(directory: Path, certificate: Certificate, why: str) -> dict[str, Any]:
     """Write, show and return the summary of a run that cannot be judged, without rates. ``why``: in words."""
     content = certificate.content

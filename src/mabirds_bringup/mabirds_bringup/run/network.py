@@ -15,6 +15,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
 from mabirds_bringup.run import processes
+from mabirds_bringup.run.deafness import Deafness
 from mabirds_bringup.run.farewell import SHUTDOWN_TIMEOUT, Farewell
 from mabirds_bringup.run.recording import Recording
 from mabirds_bringup.run.supervisor import Supervisor
@@ -25,6 +26,7 @@ from mabirds_core.errors import ExperimentError, MabirdsError
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History
 from mabirds_msgs_py.addresses import AddressWatch
+from mabirds_msgs_py.clock_watch import SetBack, waking
 from mabirds_msgs_py.declaration_key import make_key, read_key
 from mabirds_msgs_py.security import enclave_arguments, start_ros
 
@@ -51,6 +53,10 @@ class HostMovedError(MabirdsError):
 
     Fast DDS looks at a host's addresses once in a process: another participant would not do.
     """
+
+
+class DeafSupervisorError(HostMovedError):
+    """A supervisor does not hear a learner that others hear: its participant has to be made anew."""
 
 
 class NetworkResult(NamedTuple):
@@ -103,7 +109,10 @@ class Network:
         a node ends early and may not be started again, and ExperimentError when another host of the same run has
         another experiment. All processes are stopped in any case.
         """
-        addresses = AddressWatch()  # before the participant is made, which keeps those that there are
+        addresses, clock = (
+            AddressWatch(),
+            SetBack(),
+        )  # before the participant is made, which keeps addresses that there are
         start_ros(["--ros-args", *enclave_arguments("/monitor")], signal_handler_options=SignalHandlerOptions.NO)
         before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # end as on Ctrl-C: nothing left behind
         supervisor = Supervisor(self._commands(), self.directory / "logs", self.restarts, self._optional)
@@ -111,7 +120,8 @@ class Network:
             with Recording(self.directory) as recording, _spinning() as executor:
                 key = read_key(self._key_file) if self._key_file else b""
                 place = self.directory / DIRECTORY
-                monitor = MonitorNode(self.experiment, recording, self._run, self.names, place, key)
+                with addresses.while_made():
+                    monitor = MonitorNode(self.experiment, recording, self._run, self.names, place, key)
                 executor.add_node(monitor)
 
                 def is_done(name: str, code: int) -> bool:
@@ -119,10 +129,11 @@ class Network:
                         return code == 0 and monitor.has_departed(name)
                     return code == 0 and _hear_out(executor, monitor)
 
-                with closing(self._farewell(monitor)) as farewell:
+                with waking(executor, monitor, clock), closing(self._farewell(monitor)) as farewell:
                     while not (monitor.finished and farewell.is_over()):
                         executor.spin_once(timeout_sec=TICK)
                         news = [*supervisor.poll(monitor.statuses, is_done), *recording.news, *farewell.news]
+                        news += self._heal(supervisor, monitor)
                         recording.news.clear()
                         farewell.news.clear()
                         monitor.declare_without(supervisor.failed())
@@ -138,6 +149,21 @@ class Network:
             supervisor.stop()
             signal.signal(signal.SIGTERM, before)
             rclpy.try_shutdown()
+
+    @cached_property
+    def _deafness(self) -> Deafness:
+        """Of learners that wait for each other; in resilient mode, and of central methods, nobody does."""
+        waits = not (self.method or self.experiment.mixing.declares_members)
+        own = self.only or self.names
+        return Deafness([name for name in self.names if waits and name in own])
+
+    def _heal(self, supervisor: Supervisor, monitor: MonitorNode) -> Iterator[str]:
+        """Start learners again that do not hear each other. Raises DeafSupervisorError where this process is deaf."""
+        for name, words in self._deafness.found(monitor.statuses, monitor.parameters, monitor.presence.is_lost):
+            supervisor.restart(name)
+            yield f"{name} is started again, since {words}"
+        if deaf := self._deafness.unheard(monitor.statuses, monitor.parameters):
+            raise DeafSupervisorError(f"{deaf}; go on by `mabirds run --resume {self.directory}`")
 
     def _farewell(self, monitor: MonitorNode) -> Farewell:
         return Farewell(self.only, [*self.names, PLAYER], monitor.digest)

@@ -105,6 +105,13 @@ class Supervisor:
         child.restarts, child.due = child.restarts + 1, now + pause
         return f"{what}; starting it again in {pause:g} s ({child.restarts} of {self._restarts})"
 
+    def restart(self, name: str) -> None:
+        """End a child and start it again, which is no fault of it and does not count."""
+        child = self.children[name]
+        if child.process is not None and child.due is None:
+            processes.stop([child.process])
+            child.due = time.monotonic()
+
     def failed(self) -> list[str]:
         """Children that ended for good while the run goes on."""
         return [child.name for child in self.children.values() if child.failed]

@@ -15,12 +15,15 @@ STATES = {
 }
 
 
-def live_table(experiment: Experiment, monitor: MonitorNode) -> Table:
-    """One row per learner, the consensus distance below.
+def live_table(experiment: Experiment, monitor: MonitorNode, left: str = "") -> Table:
+    """One row per learner, the consensus distance and what is ``left`` below.
 
     s: seconds of its newest iteration. nats: log likelihood of its newest demonstration before it was learned.
     """
-    table = Table(title=f"{experiment.name}: {len(monitor.names)} learning", caption=caption(monitor))
+    table = Table(
+        title=f"{experiment.name}: {len(monitor.names)} learning",
+        caption="; ".join(filter(None, [caption(monitor), left])),
+    )
     for column in ("learner", "learned", "backlog", "state", "waits for", "s", "nats", "dropped"):
         table.add_column(column)
     for name in monitor.names:

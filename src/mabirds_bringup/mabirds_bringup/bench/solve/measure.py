@@ -2,24 +2,22 @@
 
 import itertools
 import resource
-from collections.abc import Callable
 from pathlib import Path
-from time import perf_counter, process_time
-from typing import Any
+from time import process_time
 
 import numpy as np
 
 import mabirds_bringup
 from mabirds_bringup.bench.solve.cases import SolveCase, weights
 from mabirds_bringup.bench.solve.peer import of_states, peer_solve
+from mabirds_bringup.bench.solve.solving import fastest, solve
 from mabirds_core.arrays import Vector
 from mabirds_core.experiment.assembly import build_game
 from mabirds_core.experiment.file import load_experiment
 from mabirds_core.experiment.simulate import simulate
 from mabirds_core.games.factored import FactoredGame
-from mabirds_core.planners.occupancy import ExactOccupancy, discounted_steps, occupancy_measure, pairs_of
-from mabirds_core.planners.soft_bellman import SoftBellmanPlanner, soft_bellman_policy
-from mabirds_core.rewards.models import LinearReward
+from mabirds_core.planners.occupancy import discounted_steps, occupancy_measure, pairs_of
+from mabirds_core.planners.soft_bellman import soft_bellman_policy
 from mabirds_expert_player.recorder import expert_streams
 
 BYTES = 40
@@ -27,24 +25,6 @@ BYTES = 40
 
 COPIED = 2**23
 """Numbers in the copy that measures bandwidth: 64 megabytes, more than caches hold."""
-
-
-def fastest(work: Callable[[], Any], seconds: float = 1.0, most: int = 200) -> float:
-    """Processor time of the fastest of as many repetitions as fit, at least three; in milliseconds."""
-    times, start = list[float](), perf_counter()
-    while len(times) < 3 or (perf_counter() - start < seconds and len(times) < most):
-        before = process_time()
-        work()
-        times.append(process_time() - before)
-    return 1e3 * min(times)
-
-
-def solve(game: FactoredGame, theta: Vector, omega: Vector) -> tuple[Vector, Vector]:
-    """What a learner does at an iteration: policy, expectations, totals of the features."""
-    model = LinearReward(game.reward_features)
-    policy = SoftBellmanPlanner(game, model, game.cost_features).plan(theta, omega)
-    visitation = ExactOccupancy(game)(policy, np.random.default_rng(0))
-    return model.gradient(theta, visitation), game.cost_features.total(visitation)
 
 
 def reference(game: FactoredGame, theta: Vector, omega: Vector) -> tuple[Vector, Vector]:
