@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from mabirds_core.arrays import Mask, Vector
+from mabirds_core.errors import UnknownTruthError
 from mabirds_core.games.interface import ConstrainedMarkovGame, ShownFeatures, Trajectories
 
 
@@ -70,7 +71,7 @@ class Judge(Protocol):
         """Which of ``count`` iterations, from 1 on, are judged: always the first and the last."""
         ...
 
-    def imitation(self, policy: Any, seed: int, rollouts: int | None = None) -> ImitationMetrics:
+    def imitation(self, policy: Any, seed: int, rollouts: int | None = None) -> ImitationMetrics | None:
         """CVR and SR of a policy.
 
         Parameters
@@ -84,8 +85,8 @@ class Judge(Protocol):
 
         Returns
         -------
-        ImitationMetrics
-            Exact, or shares of the rollouts.
+        ImitationMetrics or None
+            Exact, or shares of the rollouts; None where nobody knows the true constraints.
         """
         ...
 
@@ -215,6 +216,36 @@ class Judge(Protocol):
             are told by the threshold alone.
         """
         ...
+
+
+def known_rates(judge: Judge, policy: Any, seed: int, rollouts: int | None = None) -> ImitationMetrics:
+    """CVR and SR, for what cannot be said without them.
+
+    Parameters
+    ----------
+    judge : Judge
+        Of the game.
+    policy : Any
+        Of the game.
+    seed : int
+        Of rollouts, where the judge takes some.
+    rollouts : int, optional
+        How many it takes then.
+
+    Returns
+    -------
+    ImitationMetrics
+        As the judge finds them.
+
+    Raises
+    ------
+    UnknownTruthError
+        Nobody knows the true constraints.
+    """
+    rates = judge.imitation(policy, seed, rollouts)
+    if rates is None:
+        raise UnknownTruthError("rates need the game's true constraints, which are unknown; take a game that has them")
+    return rates
 
 
 class Learned(NamedTuple):

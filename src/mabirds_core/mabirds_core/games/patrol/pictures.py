@@ -51,9 +51,9 @@ def draw_map(
         axis.scatter(columns, rows, marker="x", color="tab:red", s=28)
     for row, column in {start[expert] for start in game.settings.starts[:MAX_STARTS]}:
         axis.annotate("S", (column, row), ha="center", va="center", fontsize=8)
-    row, column = game.settings.goals[expert]
     box = {"boxstyle": "round,pad=0.1", "color": "tab:green", "alpha": 0.8}
-    axis.annotate("G", (column, row), ha="center", va="center", fontsize=8, color="white", weight="bold", bbox=box)
+    for row, column in game.settings.goal_cells[expert]:
+        axis.annotate("G", (column, row), ha="center", va="center", fontsize=8, color="white", weight="bold", bbox=box)
     axis.set_xticks([])
     axis.set_yticks([])
 
@@ -100,7 +100,7 @@ def demonstrations_figure(game: PatrolGame, demonstrations: Trajectories) -> Fig
         draw_map(axis, game, expert)
         draw_paths(axis, game, expert, shown)
         axis.set_title(f"expert {expert + 1}", fontsize=9)
-    figure.suptitle(f"{len(shown.states)} demonstrations; S starts, G goal, grey obstacles", fontsize=9)
+    figure.suptitle(f"{len(shown.states)} demonstrations; S starts, G goals{_of_obstacles(game)}", fontsize=9)
     return figure
 
 
@@ -128,8 +128,13 @@ def map_figure(game: PatrolGame, learned: Mapping[str, Learned]) -> Figure:
             draw_map(axis, game, expert, visited[expert], constrained[cells])
             axis.set_title(f"{name}: expert {expert + 1}", fontsize=9)
         column[-1].set_xlabel(_joint_constraints(constrained), fontsize=7)
-    figure.suptitle("policy (blue), constraints (red) as learned;\ntrue obstacles (grey)", fontsize=10)
+    truth = "\nnobody knows the truth" if game.true_constraints is None else ";\ntrue obstacles (grey)"
+    figure.suptitle(f"policy (blue), constraints (red) as learned{truth}", fontsize=10)
     return figure
+
+
+def _of_obstacles(game: PatrolGame) -> str:
+    return ", grey obstacles" if game.obstacles.any() else ""
 
 
 def _joint_constraints(learned: Mask) -> str:

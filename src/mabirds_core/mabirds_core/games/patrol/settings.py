@@ -1,11 +1,12 @@
 """The patrol game as written in an experiment file."""
 
+from itertools import chain
 from typing import Literal
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from mabirds_core.games.patrol.geometry import N_MOVES
+from mabirds_core.games.patrol.geometry import Cell, PatrolGrid
 from mabirds_core.settings import Settings
 
 MAX_PAIRS = 20_000_000
@@ -14,8 +15,6 @@ MAX_FLOAT = 10**300
 """Larger whole numbers cannot be written as floating-point ones."""
 MAX_VALUES = 200_000_000
 """Values of joint states at all steps that a policy can keep: 1.6 gigabytes."""
-
-Cell = tuple[int, int]
 
 
 class PatrolSettings(Settings):
@@ -29,12 +28,34 @@ class PatrolSettings(Settings):
     map: str = Field(description="rows of '.' (free) and '#' (obstacle), all of one length")
     starts: tuple[tuple[Cell, ...], ...] = Field(min_length=1, description="joint starts: one cell per expert")
     start_probabilities: tuple[float, ...] | None = Field(None, description="of the joint starts; default: uniform")
-    goals: tuple[Cell, ...] = Field(min_length=1, description="one absorbing goal cell per expert, all different")
+    goals: tuple[Cell | tuple[Cell, ...], ...] = Field(
+        min_length=1, description="per expert an absorbing goal: a cell, or a list of cells, any of which will do"
+    )
     horizon: int = Field(ge=1, le=10_000, description="T: trajectories have T + 1 steps")
     discount: float = Field(0.95, gt=0, le=1, description="gamma")
     joint_scale: float = Field(1.0, gt=0, le=1000, description="of the features for sharing and swapping cells")
     step_cost: float = Field(1.0, ge=0, le=1000, description="true reward: minus this per step and expert under way")
     deadline: int | None = Field(None, ge=0, description="step by which experts arrive; default: the horizon")
+    waiting: bool = Field(default=False, description="experts may stay where they are")
+    diagonals: bool = Field(
+        default=False, description="experts may also move northeast, southeast, southwest, northwest"
+    )
+    leaving: bool = Field(
+        default=False,
+        description="goals are exits: who has arrived is gone and in nobody's way; demonstrations may end early",
+    )
+    slip: float = Field(
+        0.0,
+        ge=0,
+        lt=1,
+        description="chance that an expert makes any of its moves, all equally likely, for the one it chose",
+    )
+    violation_cost: float = Field(
+        20.0, gt=0, le=1000, description="true reward where experts slip: minus this per step with a violation"
+    )
+    truth: Literal["map", "unknown"] = Field(
+        "map", description="map: obstacles, sharing and swapping are forbidden; unknown: nobody can say what is"
+    )
 
     @field_validator("map")
     @classmethod
@@ -53,10 +74,9 @@ class PatrolSettings(Settings):
     @model_validator(mode="after")
     def _cells_fit(self) -> "PatrolSettings":
         rows = self.rows
-        for cell in (*self.goals, *(cell for start in self.starts for cell in start)):
+        for cell in (*chain(*self.goal_cells), *chain(*self.starts)):
             _check_free(rows, cell)
-        if len(set(self.goals)) != self.n_experts:
-            raise ValueError(f"goals {self.goals}: expected a different goal for each expert")
+        self._check_goals()
         for start in self.starts:
             if len(start) != self.n_experts or len(set(start)) != self.n_experts:
                 raise ValueError(f"start {start}: expected {self.n_experts} different cells, one per expert")
@@ -64,11 +84,26 @@ class PatrolSettings(Settings):
         self._check_size()
         return self
 
+    def _check_goals(self) -> None:
+        if not all(self.goal_cells):
+            raise ValueError(f"goals {self.goals}: expected at least one cell for each expert")
+        every = [*chain(*map(set, self.goal_cells))]
+        if not self.leaving and len(set(every)) != len(every):
+            raise ValueError(
+                f"goals {self.goals}: expected a different goal for each expert; exits can be shared (leaving: true)"
+            )
+
+    @model_validator(mode="after")
+    def _nobody_knows_the_obstacles(self) -> "PatrolSettings":
+        if self.truth == "unknown" and "#" in self.map:
+            raise ValueError("truth unknown: expected a map without '#'; leave truth out where obstacles are known")
+        return self
+
     def _check_size(self) -> None:
-        height, width = len(self.rows), len(self.rows[0])
-        states = (height * width) ** self.n_experts
-        pairs, values = states * N_MOVES**self.n_experts, states * (self.horizon + 2)
-        experts = f"{self.n_experts} experts on a {height}x{width} map make"
+        grid = self.grid
+        states = grid.n_states
+        pairs, values = states * grid.n_actions, states * (self.horizon + 2)
+        experts = f"{self.n_experts} experts on a {grid.height}x{grid.width} map make"
         if pairs > MAX_PAIRS:
             raise ValueError(
                 f"{experts} {min(pairs, MAX_FLOAT):.2g} joint state-action pairs, expected at most {MAX_PAIRS:.2g};"
@@ -96,6 +131,25 @@ class PatrolSettings(Settings):
     def n_experts(self) -> int:
         """N_E."""
         return len(self.goals)
+
+    @property
+    def goal_cells(self) -> tuple[tuple[Cell, ...], ...]:
+        """The cells of each expert's goal."""
+        return tuple(_as_cells(goal) for goal in self.goals)
+
+    @property
+    def grid(self) -> PatrolGrid:
+        """Where experts can be and go."""
+        return PatrolGrid(
+            len(self.rows), len(self.rows[0]), self.goal_cells, self.waiting, self.diagonals, self.leaving, self.slip
+        )
+
+
+def _as_cells(goal: Cell | tuple[Cell, ...]) -> tuple[Cell, ...]:
+    """A single cell is the list of it alone."""
+    if goal and isinstance(goal[0], int):
+        return (goal,)
+    return goal
 
 
 def _check_free(rows: list[str], cell: Cell) -> None:

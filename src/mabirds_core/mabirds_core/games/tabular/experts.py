@@ -7,6 +7,9 @@ state from which none need be broken:
 
 Soft experts draw from all clean ways that arrive by the deadline, each with a probability proportional to exp of
 its reward; where a step costs nothing, all of them are equally good and equally likely.
+
+Where moves slip nobody can promise either. Violations then cost ``violation_cost`` a step, arriving late costs the
+steps, and soft experts follow the causal-entropy policy of that reward.
 """
 
 from collections.abc import Iterator
@@ -20,7 +23,7 @@ from mabirds_core.arrays import Array, Indices
 from mabirds_core.errors import InfeasibleError
 from mabirds_core.games.interface import TabularGame, Trajectories
 from mabirds_core.planners.occupancy import rollouts
-from mabirds_core.planners.soft_bellman import SoftBellmanPolicy, maximum_entropy_policy
+from mabirds_core.planners.soft_bellman import SoftBellmanPolicy, maximum_entropy_policy, soft_value_iteration
 
 TIE = 1e-9
 """Joint actions whose values differ by less than this are equally good."""
@@ -40,7 +43,7 @@ class OptimalExperts:
         values[-1] = 0.0
         for step in range(game.horizon, -1, -1):
             values[step] = self._q(values[step + 1], np.arange(game.n_states)).max(axis=1)
-            if step >= game.deadline:
+            if step >= game.deadline and game.transitions.deterministic:
                 values[step, ~game.goal] = -np.inf
         return values
 
@@ -53,8 +56,8 @@ class OptimalExperts:
 
     def _q(self, next_values: NDArray[np.float64], states: Indices) -> Array:
         game = self.game
-        q = game.task_reward[states] + next_values[game.successor[states]]
-        return np.where(game.violation[states], -np.inf, q)
+        q = game.task_reward[states] + game.transitions.expected(next_values, states)
+        return np.where(game.violation[states], q - game.violation_cost, q)
 
 
 @dataclass(frozen=True)
@@ -65,7 +68,11 @@ class SoftExperts:
 
     @cached_property
     def _policy(self) -> SoftBellmanPolicy:
-        return maximum_entropy_policy(self.game, self.game.violation)
+        game = self.game
+        if game.transitions.deterministic:
+            return maximum_entropy_policy(game, game.violation)
+        reward = np.where(game.violation, game.task_reward - game.violation_cost, game.task_reward)
+        return SoftBellmanPolicy(game, reward, soft_value_iteration(game, reward, 1.0), 1.0)
 
     @property
     def values(self) -> Array:
