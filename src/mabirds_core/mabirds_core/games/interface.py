@@ -271,7 +271,7 @@ class TabularGame(ConstrainedMarkovGame, Protocol):
 
     @property
     def violation_cost(self) -> float:
-        """What a step with a violation costs the experts; infinite where they can avoid it, for experts only."""
+        """What a step with a violation, or too late, costs experts; infinite where they can avoid it."""
         ...
 
     @property

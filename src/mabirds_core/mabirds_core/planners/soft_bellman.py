@@ -122,7 +122,9 @@ def maximum_entropy_policy(game: TabularGame, forbidden: Mask) -> SoftBellmanPol
     return SoftBellmanPolicy(game, reward, soft_value_iteration(game, reward, 1.0, game.deadline), 1.0)
 
 
-def soft_value_iteration(game: TabularGame, reward: Array, discount: float, deadline: int | None = None) -> Array:
+def soft_value_iteration(
+    game: TabularGame, reward: Array, discount: float, deadline: int | None = None, late_cost: float = np.inf
+) -> Array:
     """Soft values, backwards in time and in log space.
 
     Parameters
@@ -134,7 +136,9 @@ def soft_value_iteration(game: TabularGame, reward: Array, discount: float, dead
     discount : float
         gamma.
     deadline : int, optional
-        Step from which states away from the goal have the value -inf; None: never.
+        Step from which states away from the goal are worth less; None: never.
+    late_cost : float, optional
+        How much less. Such a state is worth less than its actions, whose chances must be divided by their sum.
 
     Returns
     -------
@@ -145,7 +149,7 @@ def soft_value_iteration(game: TabularGame, reward: Array, discount: float, dead
     for step in range(game.horizon, -1, -1):
         values[step] = log_sum_exp(reward + discount * game.transitions.expected(values[step + 1], slice(None)))
         if deadline is not None and step >= deadline:
-            values[step, ~game.goal] = -np.inf
+            values[step, ~game.goal] -= late_cost
     return values
 
 

@@ -231,17 +231,22 @@ def test_soft_experts_follow_the_policy_of_a_finite_cost() -> None:
     game = slippery(horizon=6)
     DENSE[id(game)] = transition(game)
     reward = np.where(game.violation, game.task_reward - 20.0, game.task_reward)
-    undiscounted = PatrolGame(game.settings.model_copy(update={"discount": 1.0}))
-    DENSE[id(undiscounted)] = DENSE[id(game)]
-    np.testing.assert_allclose(SoftExperts(game).values, slow_values(undiscounted, reward), rtol=0, atol=1e-10)
+    late = np.where(game.goal, 0.0, 20.0)
+    after, experts, everywhere = np.zeros(game.n_states), SoftExperts(game), np.arange(game.n_states)
+    for step in (6, 5, 4, 3, 2, 1, 0):
+        q = reward - late[:, None] * (step == 6) + DENSE[id(game)] @ after
+        after = logsumexp(q, axis=1)
+        np.testing.assert_allclose(experts.values[step], after, rtol=0, atol=1e-10)
+        logs = experts.log_probabilities(step, everywhere)
+        np.testing.assert_allclose(logs, q - after[:, None], rtol=0, atol=1e-10)
 
 
 def test_optimal_experts_earn_the_most_on_average() -> None:
     game = slippery(horizon=4)
     reward, dense = np.where(game.violation, game.task_reward - 20.0, game.task_reward), transition(game)
     values = np.zeros(game.n_states)
-    for _ in range(game.horizon + 1):
-        values = (reward + dense @ values).max(axis=1)
+    for step in (4, 3, 2, 1, 0):
+        values = (reward + dense @ values).max(axis=1) - 20.0 * (step == 4) * ~game.goal
     np.testing.assert_allclose(OptimalExperts(game).values[0], values, rtol=0, atol=1e-10)
 
 

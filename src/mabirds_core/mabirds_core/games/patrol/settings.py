@@ -51,7 +51,7 @@ class PatrolSettings(Settings):
         description="chance that an expert makes any of its moves, all equally likely, for the one it chose",
     )
     violation_cost: float = Field(
-        20.0, gt=0, le=1000, description="true reward where experts slip: minus this per step with a violation"
+        20.0, gt=0, le=1000, description="where experts slip: what a step with a violation, or too late, costs them"
     )
     truth: Literal["map", "unknown"] = Field(
         "map", description="map: obstacles, sharing and swapping are forbidden; unknown: nobody can say what is"
