@@ -12,8 +12,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-OF_TRUTH = ("CVR", "SR", "late", "FDR")
-"""Columns of the summary that need the true constraints."""
+OF_TRUTH = ("CVR", "SR", "late", "nats", "FDR")
+"""Columns of the summary that need the true constraints, or experts who know them."""
 
 console = Console(stderr=True, markup=False, highlight=False)
 
