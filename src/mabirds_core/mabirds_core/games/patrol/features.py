@@ -1,5 +1,6 @@
 """Cost and reward features of the patrol game, summed and tabulated without a matrix of all pairs."""
 
+from collections.abc import Mapping
 from functools import cached_property
 
 import numpy as np
@@ -13,21 +14,23 @@ from mabirds_core.planners.factored import FactoredVisitation
 
 
 class PatrolCostFeatures:
-    """phi(s, a): one indicator per expert and cell (s), pairs sharing a cell (s), pairs swapping cells (s, a).
+    """phi(s, a): indicators by expert and cell (s), pairs sharing a cell (s), pairs swapping cells (s, a), named ones.
 
-    K = N_E n + 2; expert by expert, cell by cell, then sharing, then swapping. The last two count ``joint_scale``
-    times: experts meet seldom before they have learned to walk, and a larger feature learns faster.
+    K = N_E n + 2 + J; expert by expert, cell by cell, then sharing, then swapping, then J of the user's own (s).
+    Sharing and swapping count ``joint_scale`` times: experts meet seldom before they have learned to walk, and a larger
+    feature learns faster.
     """
 
-    nonnegative = True
-
-    def __init__(self, grid: PatrolGrid, joint_scale: float) -> None:
+    def __init__(self, grid: PatrolGrid, joint_scale: float, named: Mapping[str, Vector] | None = None) -> None:
         self._grid, self._joint_scale = grid, joint_scale
+        self._n_own, self._named = grid.n_experts * grid.n_cells, [*(named or {}).values()]
+        self.nonnegative = all(bool((values >= 0).all()) for values in self._named)
         cells = [divmod(cell, grid.width) for cell in range(grid.n_cells)]
         self.names = (
             *(f"expert_{i + 1} in ({r}, {c})" for i in range(grid.n_experts) for r, c in cells),
             "sharing a cell",
             "swapping cells",
+            *(named or {}),
         )
 
     def total(self, visitation: Visitation) -> Vector:
@@ -41,34 +44,42 @@ class PatrolCostFeatures:
         ]
         sharing = (weights * grid.sharing[states]).sum()
         swapping = (weights * grid.swapping_in(states, actions)).sum()
-        return np.concatenate([*by_cell, self._joint_scale * np.array([sharing, swapping])])
+        named = [(weights * values[states]).sum() for values in self._named]
+        return np.concatenate([*by_cell, self._joint_scale * np.array([sharing, swapping]), named])
 
     def _of_totals(self, totals: Totals) -> Vector:
         sharing = (totals.states * self._grid.sharing).sum()
         swapping = (totals.levels * np.arange(len(totals.levels))).sum()
         joint = self._joint_scale * np.array([sharing, swapping])
-        return np.concatenate([(totals.moves.sum(axis=2) * self._grid.present).ravel(), joint])
+        named = [(totals.states * values).sum() for values in self._named]
+        return np.concatenate([(totals.moves.sum(axis=2) * self._grid.present).ravel(), joint, named])
 
     def factored(self, weights: Vector) -> FactoredReward:
         """weights^T phi(s, a), by expert."""
         grid = self._grid
-        sharing, swapping = self._joint_scale * weights[-2:]
+        swapping = self._joint_scale * weights[self._n_own + 1]
         moves = np.repeat(self._by_cell(weights)[:, :, None], grid.n_moves, axis=2)
-        return FactoredReward(moves, sharing * grid.sharing, swapping * np.arange(grid.n_pairs + 1))
+        return FactoredReward(moves, self._of_states(weights), swapping * np.arange(grid.n_pairs + 1))
 
     def table(self, weights: Vector) -> Array:
         """weights^T phi(s, a), shape (S, A)."""
         grid = self._grid
         cells = grid.cells(np.arange(grid.n_states))
-        sharing, swapping = self._joint_scale * weights[-2:]
-        of_state: Vector = sharing * grid.sharing
+        of_state, swapping = self._of_states(weights), self._joint_scale * weights[self._n_own + 1]
         for own_weights, own_cells in zip(self._by_cell(weights), cells, strict=True):
             of_state = of_state + own_weights[own_cells]
         return np.asarray(of_state[:, None] + swapping * grid.swapping)
 
+    def _of_states(self, weights: Vector) -> Vector:
+        """What sharing and the named features weigh in joint states, shape (S,)."""
+        of_state: Vector = self._joint_scale * weights[self._n_own] * self._grid.sharing
+        for weight, values in zip(weights[self._n_own + 2 :], self._named, strict=True):
+            of_state = of_state + weight * values
+        return of_state
+
     def _by_cell(self, weights: Vector) -> Array:
         """What a cell weighs for an expert who is there, shape (N_E, n)."""
-        return np.asarray(weights[:-2].reshape(self._grid.present.shape) * self._grid.present)
+        return np.asarray(weights[: self._n_own].reshape(self._grid.present.shape) * self._grid.present)
 
 
 class PatrolRewardFeatures:

@@ -19,6 +19,7 @@ from mabirds_core.games.factored import Factors
 from mabirds_core.games.interface import Trajectories, Transitions
 from mabirds_core.games.patrol.decoding import decoded_steps
 from mabirds_core.games.patrol.features import PatrolCostFeatures, PatrolRewardFeatures
+from mabirds_core.games.patrol.named_costs import named_features
 from mabirds_core.games.patrol.neutral import ExpertMoves
 from mabirds_core.games.patrol.settings import PatrolSettings
 from mabirds_core.games.tabular.game import EnumerableGame
@@ -87,8 +88,10 @@ class PatrolGame(EnumerableGame):
 
     @cached_property
     def cost_features(self) -> PatrolCostFeatures:
-        """phi: an indicator per cell and expert, pairs sharing, pairs swapping."""
-        return PatrolCostFeatures(self.grid, self.settings.joint_scale)
+        """phi: an indicator per cell and expert, pairs sharing, pairs swapping, and those of the user's own."""
+        settings = self.settings
+        named = named_features(self.grid, settings.costs, settings.layers)
+        return PatrolCostFeatures(self.grid, settings.joint_scale, named)
 
     @cached_property
     def reward_features(self) -> PatrolRewardFeatures:
@@ -102,11 +105,12 @@ class PatrolGame(EnumerableGame):
 
     @cached_property
     def true_constraints(self) -> Mask | None:
-        """Obstacle cells of every expert, sharing and swapping; shape of the cost features."""
+        """Obstacle cells of every expert, sharing and swapping, and nothing of the user's own; shape (K,)."""
         if self.settings.truth == "unknown":
             return None
         joint = np.full(2, self.n_experts > 1)
-        return np.concatenate([np.tile(self.obstacles, self.n_experts), joint])
+        named = np.zeros(len(self.settings.costs), dtype=np.bool_)
+        return np.concatenate([np.tile(self.obstacles, self.n_experts), joint, named])
 
     @cached_property
     def violation(self) -> Mask:
@@ -146,10 +150,10 @@ class PatrolGame(EnumerableGame):
         return weighted_counts(states, np.asarray(weights) / sum(weights), self.n_states)
 
     def neutral_change(self, rewards: Vector, omega: Vector, expected: Vector, feature: int) -> Parameters | None:
-        """A cell that ordinary moves lead into and out of (``neutral``); sharing and swapping that cost nothing."""
+        """A cell that ordinary moves lead into and out of (``neutral``); sharing and all that follows costs nothing."""
         costs, n = np.zeros_like(omega), self.n_cells
         expert, cell = divmod(feature, n)
-        if expert == self.n_experts:  # sharing or swapping, which no reward feature speaks of
+        if feature >= self.n_experts * n:  # of joint states or actions, which no reward feature speaks of
             costs[feature] = -omega[feature]
             return Parameters(np.zeros_like(rewards), costs)
         by_expert = rewards.reshape(self.n_experts, n, self.n_moves)

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from mabirds_core.arrays import Array, Mask
+from mabirds_core.arrays import Array, Mask, Vector
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_core.games.patrol.visits import visits
@@ -121,13 +121,13 @@ def map_figure(game: PatrolGame, learned: Mapping[str, Learned]) -> Figure:
     """
     size = (2.6 * len(learned) + 0.8, 2.8 * game.n_experts)
     figure, axes = plt.subplots(game.n_experts, len(learned), figsize=size, squeeze=False, layout="constrained")
-    for column, (name, (policy, _, constrained)) in zip(axes.T, learned.items(), strict=True):
+    for column, (name, (policy, omega, constrained)) in zip(axes.T, learned.items(), strict=True):
         visited = visits(game, policy)
         for expert, axis in enumerate(column):
             cells = slice(expert * game.n_cells, (expert + 1) * game.n_cells)
             draw_map(axis, game, expert, visited[expert], constrained[cells])
             axis.set_title(f"{name}: expert {expert + 1}", fontsize=9)
-        column[-1].set_xlabel(_joint_constraints(constrained), fontsize=7)
+        column[-1].set_xlabel(_joint_constraints(game, constrained) + _named_costs(game, omega), fontsize=7)
     truth = "\nnobody knows the truth" if game.true_constraints is None else ";\ntrue obstacles (grey)"
     figure.suptitle(f"policy (blue), constraints (red) as learned{truth}", fontsize=10)
     return figure
@@ -137,6 +137,12 @@ def _of_obstacles(game: PatrolGame) -> str:
     return ", grey obstacles" if game.obstacles.any() else ""
 
 
-def _joint_constraints(learned: Mask) -> str:
-    names = [name for name, is_learned in zip(("sharing", "swapping"), learned[-2:], strict=True) if is_learned]
+def _joint_constraints(game: PatrolGame, learned: Mask) -> str:
+    first = game.n_experts * game.n_cells
+    names = [name for name, is_learned in zip(("sharing", "swapping"), learned[first:], strict=False) if is_learned]
     return "joint constraints: " + (", ".join(names) or "none")
+
+
+def _named_costs(game: PatrolGame, omega: Vector) -> str:
+    weights = omega[game.n_experts * game.n_cells + 2 :]
+    return "".join(f"\n{name} costs {-weight:.2f}" for name, weight in zip(game.settings.costs, weights, strict=True))

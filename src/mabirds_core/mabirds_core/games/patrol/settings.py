@@ -1,12 +1,14 @@
 """The patrol game as written in an experiment file."""
 
 from itertools import chain
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
+from mabirds_core.expressions import Expression
 from mabirds_core.games.patrol.geometry import Cell, PatrolGrid
+from mabirds_core.games.patrol.named_costs import QUANTITIES, named_features, quantity_names
 from mabirds_core.settings import Settings
 
 MAX_PAIRS = 20_000_000
@@ -15,6 +17,12 @@ MAX_FLOAT = 10**300
 """Larger whole numbers cannot be written as floating-point ones."""
 MAX_VALUES = 200_000_000
 """Values of joint states at all steps that a policy can keep: 1.6 gigabytes."""
+
+
+MAX_COSTS = 32
+"""Cost features of the user's own."""
+
+Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
 
 
 class PatrolSettings(Settings):
@@ -57,6 +65,13 @@ class PatrolSettings(Settings):
         "map", description="map: obstacles, sharing and swapping are forbidden; unknown: nobody can say what is"
     )
 
+    costs: dict[Name, str] = Field(
+        default_factory=dict, max_length=MAX_COSTS, description="cost features of your own: expressions by name"
+    )
+    layers: dict[Name, tuple[tuple[float, ...], ...]] = Field(
+        default_factory=dict, max_length=MAX_COSTS, description="numbers of the map's cells, row by row, for costs"
+    )
+
     @field_validator("map")
     @classmethod
     def _map_is_a_rectangle(cls, text: str) -> str:
@@ -97,6 +112,21 @@ class PatrolSettings(Settings):
     def _nobody_knows_the_obstacles(self) -> "PatrolSettings":
         if self.truth == "unknown" and "#" in self.map:
             raise ValueError("truth unknown: expected a map without '#'; leave truth out where obstacles are known")
+        return self
+
+    @model_validator(mode="after")
+    def _costs_have_values(self) -> "PatrolSettings":
+        shape = [len(self.rows[0])] * len(self.rows)
+        for name, layer in self.layers.items():
+            if name in QUANTITIES:
+                raise ValueError(f"layers.{name}: expected another name than {', '.join(QUANTITIES)}, which are taken")
+            if [len(row) for row in layer] != shape:
+                raise ValueError(f"layers.{name}: expected {len(shape)} rows of {shape[0]} numbers, as the map has")
+        names = quantity_names(self.n_experts, self.layers)
+        for name, text in self.costs.items():
+            if unknown := Expression(text).names - names:
+                raise ValueError(f"costs.{name}: {sorted(unknown)} is none of {sorted(names)}")
+        named_features(self.grid, self.costs, self.layers)
         return self
 
     def _check_size(self) -> None:
