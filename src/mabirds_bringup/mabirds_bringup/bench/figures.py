@@ -24,7 +24,7 @@ from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Mask, Vector
 from mabirds_core.experiment.assembly import build_game, evaluation_policy
 from mabirds_core.experiment.file import Experiment
-from mabirds_core.games.interface import known_constraints
+from mabirds_core.games.truth import known_constraints
 from mabirds_core.games.whole_game import Learned
 from mabirds_core.metrics.constraints import by_threshold, constraint_errors
 

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from mabirds_core.arithmetic import powers
 from mabirds_core.arrays import Array, Indices, Mask, Vector
-from mabirds_core.errors import UnknownTruthError
 
 Steps = NDArray[Any]
 """Joint states or actions: an index each in a tabular game, a row of real numbers each in a continuous one."""
@@ -288,31 +287,6 @@ class TabularGame(ConstrainedMarkovGame, Protocol):
     def task_reward(self) -> Array:
         """The experts' own reward without constraints, shape (S, A); for experts and metrics only."""
         ...
-
-
-def known_constraints(game: ConstrainedMarkovGame) -> Mask:
-    """The true constraints, for what cannot be said without them.
-
-    Parameters
-    ----------
-    game : ConstrainedMarkovGame
-        Whose truth is asked for.
-
-    Returns
-    -------
-    Mask
-        Shape (K,).
-
-    Raises
-    ------
-    UnknownTruthError
-        Nobody knows them.
-    """
-    if game.true_constraints is None:
-        raise UnknownTruthError(
-            "the game's true constraints are unknown; compare methods on a game where they are known"
-        )
-    return game.true_constraints
 
 
 def shown_features(game: ConstrainedMarkovGame, demonstrations: Trajectories) -> ShownFeatures:

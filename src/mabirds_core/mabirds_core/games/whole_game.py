@@ -9,7 +9,6 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from mabirds_core.arrays import Mask, Vector
-from mabirds_core.errors import UnknownTruthError
 from mabirds_core.games.interface import ConstrainedMarkovGame, ShownFeatures, Trajectories
 
 
@@ -216,36 +215,6 @@ class Judge(Protocol):
             are told by the threshold alone.
         """
         ...
-
-
-def known_rates(judge: Judge, policy: Any, seed: int, rollouts: int | None = None) -> ImitationMetrics:
-    """CVR and SR, for what cannot be said without them.
-
-    Parameters
-    ----------
-    judge : Judge
-        Of the game.
-    policy : Any
-        Of the game.
-    seed : int
-        Of rollouts, where the judge takes some.
-    rollouts : int, optional
-        How many it takes then.
-
-    Returns
-    -------
-    ImitationMetrics
-        As the judge finds them.
-
-    Raises
-    ------
-    UnknownTruthError
-        Nobody knows the true constraints.
-    """
-    rates = judge.imitation(policy, seed, rollouts)
-    if rates is None:
-        raise UnknownTruthError("rates need the game's true constraints, which are unknown; take a game that has them")
-    return rates
 
 
 class Learned(NamedTuple):

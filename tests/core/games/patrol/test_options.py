@@ -12,10 +12,10 @@ from mabirds_core.arrays import Array
 from mabirds_core.errors import ImpossibleTrajectoryError, UnknownTruthError
 from mabirds_core.experiment.assembly import build_game
 from mabirds_core.experiment.file import load_experiment
-from mabirds_core.games.interface import discounted_visitation, known_constraints
+from mabirds_core.games.interface import discounted_visitation
 from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_core.games.tabular.decidable import touch_without
-from mabirds_core.games.whole_game import known_rates
+from mabirds_core.games.truth import known_constraints, known_rates
 from mabirds_core.kernels.loading import library
 from mabirds_core.planners.soft_bellman import SoftBellmanPlanner
 

@@ -7,7 +7,8 @@ demonstrations that never touch it say nothing: nobody could tell whether it is 
 import numpy as np
 
 from mabirds_core.arrays import Mask, Vector
-from mabirds_core.games.interface import TabularGame, known_constraints
+from mabirds_core.games.interface import TabularGame
+from mabirds_core.games.truth import known_constraints
 from mabirds_core.planners.interface import TabularPolicy
 from mabirds_core.planners.soft_bellman import maximum_entropy_policy
 

@@ -9,7 +9,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
-from mabirds_core.games.interface import TabularGame, known_constraints
+from mabirds_core.games.interface import TabularGame
+from mabirds_core.games.truth import known_constraints
 from mabirds_core.games.whole_game import Learned
 
 MAX_SHOWN = 20

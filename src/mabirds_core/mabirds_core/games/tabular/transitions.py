@@ -8,6 +8,7 @@ the move that is chosen and the move that is made.
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -22,10 +23,12 @@ class Deterministic:
     ----------
     successor : Indices
         Shape (S, A).
+    deterministic : bool
+        True.
     """
 
     successor: Indices
-    deterministic: bool = True
+    deterministic: ClassVar[bool] = True
 
     def expected(self, values: Vector, states: Indices | slice) -> Array:
         """The values of the successors, shape (M, A)."""
@@ -54,13 +57,15 @@ class Slipping:
         M.
     slip : float
         In (0, 1).
+    deterministic : bool
+        False.
     """
 
     chosen: Deterministic
     n_experts: int
     n_moves: int
     slip: float
-    deterministic: bool = False
+    deterministic: ClassVar[bool] = False
 
     def expected(self, values: Vector, states: Indices | slice) -> Array:
         """Means over what the experts make of their choices, shape (M, A)."""
