@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import combinations, product
+from typing import Any
 
 import numpy as np
 
@@ -16,21 +17,24 @@ Cell = tuple[int, int]
 Cells = tuple[Cell, ...]
 Moves = tuple[int, ...]
 
-STEP_OF_MOVE = {0: (-1, 0), 1: (0, 1), 2: (1, 0), 3: (0, -1)}
+STRAIGHT = [(-1, 0), (0, 1), (1, 0), (0, -1)]
 """North, east, south, west as (rows, columns)."""
+DIAGONAL = [(-1, 1), (1, 1), (1, -1), (-1, -1)]
+"""Northeast, southeast, southwest, northwest."""
 
 
 def patrol(
     rows: str,
     starts: Sequence[Cells],
-    goals: Cells,
+    goals: Sequence[Cell | Cells],
     horizon: int = 2,
     discount: float = 0.9,
     probabilities: Sequence[float] | None = None,
+    **options: Any,
 ) -> PatrolGame:
     """A patrol game in one line."""
     content = {"map": rows, "starts": starts, "goals": goals, "horizon": horizon, "discount": discount}
-    return PatrolGame(PatrolSettings.model_validate({**content, "start_probabilities": probabilities}))
+    return PatrolGame(PatrolSettings.model_validate({**content, "start_probabilities": probabilities, **options}))
 
 
 def square(discount: float = 0.9, horizon: int = 2) -> PatrolGame:
@@ -52,6 +56,24 @@ def trio() -> PatrolGame:
 def alone() -> PatrolGame:
     """3x2 cells, one expert and one obstacle: S = 6, A = 4."""
     return patrol("..\n.#\n..", [((0, 0),), ((2, 1),)], ((2, 0),), horizon=3)
+
+
+def doors(horizon: int = 2, **options: Any) -> PatrolGame:
+    """2x3 cells, two experts who may wait, go diagonally and leave, by two doors each of which they share one."""
+    exits: list[Cells] = [((0, 2), (1, 2)), ((0, 0), (0, 2))]
+    moves = {"waiting": True, "diagonals": True, "leaving": True}
+    return patrol("...\n.#.", [((0, 0), (1, 2)), ((1, 0), (0, 1))], exits, horizon, 0.85, **(moves | options))
+
+
+def crossing_diagonals() -> PatrolGame:
+    """2x2 cells, two experts who may go diagonally but not wait, each to two cells of its own: S = 16, A = 64."""
+    goals: list[Cells] = [((0, 1), (1, 1)), ((0, 0), (1, 0))]
+    return patrol("..\n..", [((0, 0), (0, 1))], goals, 2, diagonals=True)
+
+
+def slippery(slip: float = 0.3, horizon: int = 2) -> PatrolGame:
+    """2x2 cells with an obstacle, two experts who may wait and whose moves slip: S = 16, A = 25."""
+    return patrol("..\n.#", [((0, 0), (1, 0))], [(1, 0), (0, 1)], horizon, 0.8, waiting=True, slip=slip)
 
 
 @dataclass(frozen=True)
@@ -131,10 +153,12 @@ class SlowPatrol:
 
     def __init__(self, settings: PatrolSettings) -> None:
         self.rows = settings.map.split()
-        self.goals = settings.goals
+        self.goals = settings.goal_cells
+        self.leaving = settings.leaving
+        self.steps = STRAIGHT + [(0, 0)] * settings.waiting + DIAGONAL * settings.diagonals
         self.cells = [(r, c) for r in range(len(self.rows)) for c in range(len(self.rows[0]))]
         self.states: list[Cells] = list(product(self.cells, repeat=settings.n_experts))
-        self.actions: list[Moves] = list(product(range(4), repeat=settings.n_experts))
+        self.actions: list[Moves] = list(product(range(len(self.steps)), repeat=settings.n_experts))
 
     def after(self, state: Cells, action: Moves) -> Cells:
         """Where the experts are one step later."""
@@ -142,18 +166,25 @@ class SlowPatrol:
         return tuple(self._move(i, cell, move) for i, (cell, move) in pairs)
 
     def _move(self, expert: int, cell: Cell, move: int) -> Cell:
-        rows, columns = STEP_OF_MOVE[move]
+        rows, columns = self.steps[move]
         there = (cell[0] + rows, cell[1] + columns)
-        return cell if cell == self.goals[expert] or there not in self.cells else there
+        return cell if cell in self.goals[expert] or there not in self.cells else there
+
+    def gone(self, expert: int, cell: Cell) -> bool:
+        """Has the expert left?"""
+        return self.leaving and cell in self.goals[expert]
 
     def sharing(self, state: Cells) -> int:
-        """Pairs of experts in one cell."""
-        return sum(first == second for first, second in combinations(state, 2))
+        """Pairs of experts in one cell, neither of whom has left."""
+        here = [cell for expert, cell in enumerate(state) if not self.gone(expert, cell)]
+        return sum(first == second for first, second in combinations(here, 2))
 
     def swapping(self, state: Cells, action: Moves) -> int:
-        """Pairs of experts, not in one cell, that are in each other's cell one step later."""
-        both = list(zip(state, self.after(state, action), strict=True))
-        return sum(a == d and b == c and a != c for (a, b), (c, d) in combinations(both, 2))
+        """Pairs of experts, not in one cell, whose ways to the next cell meet in the middle."""
+        both = zip(state, self.after(state, action), strict=True)
+        middles = [((a + c) / 2, (b + d) / 2) for (a, b), (c, d) in both]
+        pairs = combinations(range(len(state)), 2)
+        return sum(middles[i] == middles[j] and state[i] != state[j] for i, j in pairs)
 
     def violates(self, state: Cells, action: Moves) -> bool:
         """Is an expert on an obstacle, do two share a cell, or do two swap?"""
@@ -162,17 +193,24 @@ class SlowPatrol:
 
     def waiting(self, state: Cells) -> int:
         """Experts that have not arrived."""
-        return sum(cell != goal for cell, goal in zip(state, self.goals, strict=True))
+        return sum(cell not in goals for cell, goals in zip(state, self.goals, strict=True))
 
     def cost_features(self, state: Cells, action: Moves) -> list[float]:
         """phi(s, a): expert by expert and cell by cell, then sharing, then swapping."""
-        indicators = [float(own == cell) for own in state for cell in self.cells]
+        indicators = [
+            float(own == cell and not self.gone(expert, own)) for expert, own in enumerate(state) for cell in self.cells
+        ]
         return [*indicators, float(self.sharing(state)), float(self.swapping(state, action))]
 
     def reward_features(self, state: Cells, action: Moves) -> list[float]:
         """f(s, a): expert by expert, cell by cell, move by move."""
-        pairs = list(zip(state, action, strict=True))
-        return [float((cell, move) == pair) for pair in pairs for cell in self.cells for move in range(4)]
+        moves = range(len(self.steps))
+        return [
+            float((cell, move) == (own, made) and not self.gone(expert, own))
+            for expert, (own, made) in enumerate(zip(state, action, strict=True))
+            for cell in self.cells
+            for move in moves
+        ]
 
     def feature_table(self, features: Callable[[Cells, Moves], list[float]]) -> Array:
         """features[s, a, k] of every joint state and action."""

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from arenas import drone_experiment
 from experiments import experiment
-from games import alone, hallway
+from games import alone, doors, hallway
 
 from mabirds_core import conformance
 from mabirds_core.arrays import Array, Vector
@@ -17,8 +17,9 @@ from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.assembly import build_game, build_method, build_reward
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.games.interface import Trajectories, Visitation
+from mabirds_core.games.patrol import decoding
 from mabirds_core.games.patrol.features import PatrolCostFeatures
-from mabirds_core.games.patrol.game import PatrolGame
+from mabirds_core.games.patrol.settings import PatrolSettings
 from mabirds_core.games.patrol.whole_game import WholePatrolGame
 from mabirds_core.planners.soft_bellman import SoftBellmanPlanner
 from mabirds_core.registry import METHODS, build, kind_of, kinds
@@ -106,16 +107,16 @@ def test_a_wrong_gradient_is_noticed() -> None:
         conformance.check_reward(Wrong(game.reward_features), game)
 
 
-class Credulous(PatrolGame):
-    """Which takes steps that its dynamics do not allow."""
-
-    def _check_transitions(self, *_: Array) -> None:
-        """Nothing."""
-
-
-def test_a_game_that_checks_no_transitions_is_noticed() -> None:
+def test_a_game_that_checks_no_transitions_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(decoding, "_check_transitions", lambda *_: None)
     with pytest.raises(AssertionError, match="one step of which leads elsewhere; expected ImpossibleTrajectoryError"):
-        conformance.check_game(Credulous(alone().settings))  # type: ignore[arg-type]
+        conformance.check_game(WholePatrolGame(alone().settings))
+
+
+@pytest.mark.parametrize("options", [{}, {"slip": 0.2}, {"truth": "unknown", "map": "...\n..."}], ids=str)
+def test_the_options_of_patrols_make_whole_games(options: dict[str, Any]) -> None:
+    settings = doors(6).settings.model_dump() | options
+    conformance.check_game(WholePatrolGame(PatrolSettings.model_validate(settings)))
 
 
 @dataclass(frozen=True)

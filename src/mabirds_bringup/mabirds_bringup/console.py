@@ -12,6 +12,9 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
+OF_TRUTH = ("CVR", "SR", "late", "nats", "FDR")
+"""Columns of the summary that need the true constraints, or experts who know them."""
+
 console = Console(stderr=True, markup=False, highlight=False)
 
 
@@ -66,23 +69,32 @@ def summary_table(summary: dict[str, Any]) -> Table:
     """The summary of a run for the terminal, 80 columns wide.
 
     late: the least SR of the last 15 iterations; forbidden: learned constraints; open: features that are undetermined.
+    What needs the truth is left out where nobody knows it.
     """
     experts = summary["expert_log_likelihood"]
     caption = None if experts is None else f"the experts' own likelihood {experts:.2f} nats"
     table = Table(title=f"{summary['experiment']}: constraints by {summary['constraint_rule']}", caption=caption)
-    for column in ("learner", "n", "CVR", "SR", "late", "nats", "forbidden", "FDR", "open"):
-        table.add_column(column, justify="left" if column == "learner" else "right", no_wrap=True)
-    for name, row in summary["learners"].items():
-        table.add_row(
-            name,
-            str(row["iterations"]),
-            *(f"{row[key]:.4f}" for key in ("violation_rate", "success_rate", "success_late_minimum")),
-            _number(row["held_out_log_likelihood"], ".2f"),
-            str(len(row["learned_constraints"])),
-            f"{row['false_discovery_rate']:.3f}",
-            _number(row["undetermined"], "d"),
-        )
+    lines = [_summary_line(name, row) for name, row in summary["learners"].items()]
+    for column in lines[0]:
+        if column not in OF_TRUTH or any(line[column] for line in lines):
+            table.add_column(column, justify="left" if column == "learner" else "right", no_wrap=True)
+    for line in lines:
+        table.add_row(*(line[str(column.header)] for column in table.columns))
     return table
+
+
+def _summary_line(name: str, row: Mapping[str, Any]) -> dict[str, str]:
+    return {
+        "learner": name,
+        "n": str(row["iterations"]),
+        "CVR": _number(row["violation_rate"], ".4f"),
+        "SR": _number(row["success_rate"], ".4f"),
+        "late": _number(row["success_late_minimum"], ".4f"),
+        "nats": _number(row["held_out_log_likelihood"], ".2f"),
+        "forbidden": str(len(row["learned_constraints"])),
+        "FDR": _number(row["false_discovery_rate"], ".3f"),
+        "open": _number(row["undetermined"], "d"),
+    }
 
 
 def judges_table(summary: dict[str, Any]) -> Table | None:
@@ -94,7 +106,7 @@ def judges_table(summary: dict[str, Any]) -> Table | None:
     for column in ("learner", "planner", "CVR", "SR", "V_0", "gap"):
         table.add_column(column, justify="left" if column in {"learner", "planner"} else "right", no_wrap=True)
     for name, judge, verdict in lines:
-        rates = (f"{verdict[key]:.4f}" for key in ("violation_rate", "success_rate"))
+        rates = (_number(verdict[key], ".4f") for key in ("violation_rate", "success_rate"))
         table.add_row(name, judge, *rates, _number(verdict["value"], ".2f"), _number(verdict["certificate"], ".3f"))
     return table
 

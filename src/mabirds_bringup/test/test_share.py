@@ -25,7 +25,7 @@ def test_experiments_and_launch_files_are_there() -> None:
     assert (share() / "launch" / "experiment.launch.py").is_file()
 
 
-@pytest.mark.parametrize("name", ["patrol", "drones", "trio", "discrete", "discrete_many_starts"])
+@pytest.mark.parametrize("name", ["patrol", "drones", "trio", "discrete", "discrete_many_starts", "hall"])
 def test_every_experiment_that_is_installed_is_sound(name: str) -> None:
     assert load_experiment(share() / "config" / f"{name}.yaml").name == name
 

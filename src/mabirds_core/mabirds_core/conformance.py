@@ -72,7 +72,8 @@ def check_game(game: Game, seed: int = 0) -> None:
     _require(game.horizon >= 1, f"horizon {game.horizon}: expected at least 1")
     _require(0 < game.discount <= 1, f"discount {game.discount}: expected in (0, 1]")
     _require(game.digest == game.digest != "", "digest: expected the same text each time")
-    names, constraints = game.cost_features.names, game.true_constraints
+    names, truth = game.cost_features.names, game.true_constraints
+    constraints = np.zeros(len(names), dtype=np.bool_) if truth is None else truth
     _require(len(set(names)) == len(names), "cost_features.names: expected all different")
     _require(constraints.shape == (len(names),), f"true_constraints: shape {constraints.shape}, expected {len(names)}")
     for kind in game.expert_kinds:
@@ -81,7 +82,7 @@ def check_game(game: Game, seed: int = 0) -> None:
             _check_refusals(game, demonstration)
             _check_features(game.cost_features, discounted_visitation(demonstration, game.discount))
             _check_measures(game, demonstration, seed)
-    for reward in (game.linear_reward(), game.true_reward()):
+    for reward in (game.linear_reward(), *(() if truth is None else (game.true_reward(),))):
         check_reward(reward, game, seed)
 
 
@@ -99,7 +100,7 @@ def _check_refusals(game: Game, trajectory: Trajectories) -> None:
     """What is no trajectory of the game is refused with the right error, whatever it is."""
     states, actions = game.encode(trajectory)
     wrong: dict[str, tuple[Array, Array]] = {
-        "too short": (states[:-1], actions[:-1]),
+        "too short": (states[:1], actions[:1]),
         "too many columns": (np.column_stack([states, states]), actions),
         "not finite": (np.full_like(states, np.nan), actions),
         "out of all bounds": (states + 1e6, actions),

@@ -29,6 +29,10 @@ class InfeasibleError(MabirdsError):
     """No trajectory from a start satisfies the hard constraints."""
 
 
+class UnknownTruthError(MabirdsError):
+    """Something is asked that cannot be said without knowing what experts really may do."""
+
+
 class RefusedMessageError(MabirdsError):
     """A message that must not be used.
 

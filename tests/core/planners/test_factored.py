@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from games import alone, hallway, patrol, square, trio
+from games import alone, crossing_diagonals, doors, hallway, patrol, square, trio
 
 from mabirds_core.arrays import Array, Vector
 from mabirds_core.games.patrol.game import PatrolGame
@@ -25,6 +25,18 @@ GAMES = {
     "three experts": trio(),
     "three in a room": patrol("...\n...\n...", [((0, 0), (0, 2), (2, 0))], ((2, 2), (2, 0), (0, 0)), 8, 0.9),
     "four experts": FOUR,
+    "doors": doors(horizon=8),
+    "diagonals": crossing_diagonals(),
+    "three who wait": patrol("..\n..", [((0, 0), (0, 1), (1, 0))], ((1, 1), (1, 0), (0, 1)), 5, waiting=True),
+    "a hall with exits": patrol(
+        "\n".join(["......"] * 4),
+        [((0, 0), (3, 5))],
+        [((0, 5), (1, 5), (2, 5), (3, 5)), ((0, 0), (1, 0))],
+        15,
+        waiting=True,
+        diagonals=True,
+        leaving=True,
+    ),
 }
 BLOCK = patrol("\n".join(["....."] * 5), [((0, 0), (4, 4), (0, 4))], ((4, 4), (0, 0), (4, 0)), 3, 0.95)
 every_game = pytest.mark.parametrize("game", GAMES.values(), ids=GAMES)

@@ -15,7 +15,9 @@ from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import Streams
 from mabirds_core.games.tabular.decidable import touch_without
+from mabirds_core.games.truth import known_constraints
 from mabirds_core.games.whole_game import Game, ImitationMetrics
+from mabirds_core.metrics.constraints import constraint_errors
 from mabirds_core.metrics.curves import LATE
 
 DECIDABLE_AT = 0.99
@@ -126,7 +128,7 @@ class Comparison:
             return {}
         return {
             "called": float(constraints.learned.sum()),
-            "tested_fdr": constraints.errors.false_discovery_rate,
+            "tested_fdr": constraint_errors(constraints.learned, known_constraints(self.game)).false_discovery_rate,
             "auc": constraints.auc,
             "decidable_found": self._found(constraints.learned),
         }
@@ -135,7 +137,7 @@ class Comparison:
         """Share of the constraints that one learner's demonstrations can decide; None where there are none."""
         if self.touch is None:
             return None
-        decidable = decidable_constraints(self.touch, self.game.true_constraints, self.experiment.iterations)
+        decidable = decidable_constraints(self.touch, known_constraints(self.game), self.experiment.iterations)
         return float(learned[decidable].mean()) if decidable.any() else None
 
 

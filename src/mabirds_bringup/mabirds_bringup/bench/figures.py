@@ -24,6 +24,7 @@ from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Mask, Vector
 from mabirds_core.experiment.assembly import build_game, evaluation_policy
 from mabirds_core.experiment.file import Experiment
+from mabirds_core.games.truth import known_constraints
 from mabirds_core.games.whole_game import Learned
 from mabirds_core.metrics.constraints import by_threshold, constraint_errors
 
@@ -71,7 +72,7 @@ def _figure(kind: str, cases: Mapping[str, Case], of_group: pl.DataFrame, shown:
     if kind == "learned":
         return learned_figure(cases, shown)
     if kind == "thresholds":
-        return thresholds_figure(build_game(next(iter(cases.values())).experiment).true_constraints, shown)
+        return thresholds_figure(known_constraints(build_game(next(iter(cases.values())).experiment)), shown)
     if kind == "rates":
         return curves_figure(of_group, RATES, ylim=(-0.02, 1.02))
     if kind == "likelihood":

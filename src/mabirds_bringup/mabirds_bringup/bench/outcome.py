@@ -20,6 +20,7 @@ from mabirds_core.experiment.assembly import build_game, evaluation_policy
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History, Progress, Streams, simulate, simulate_central
 from mabirds_core.games.interface import Trajectories
+from mabirds_core.games.truth import known_constraints, known_rates
 from mabirds_core.games.whole_game import Game, ImitationMetrics
 from mabirds_core.metrics.constraints import by_threshold, constraint_errors
 from mabirds_core.metrics.metrics import consensus_distance
@@ -127,7 +128,7 @@ def learn(case: Case, experiment: Experiment) -> LearnedCase:
         progress[update.name].append(update._replace(policy=None))
         if case.own_policies:
             count = _rollouts(case.rollouts, len(progress[update.name]) == experiment.iterations)
-            own_rates[update.name].append(game.judge.imitation(update.policy, experiment.seed, count))
+            own_rates[update.name].append(known_rates(game.judge, update.policy, experiment.seed, count))
 
     if case.method:
         history = simulate_central(experiment, case.method, streams, keep)
@@ -154,7 +155,7 @@ def _judged(learned: LearnedCase, name: str, case: Case, held_out: HeldOut) -> J
     final = {experiment.iterations, len(parameters) - 1}
     for n in sorted({*range(0, len(parameters), case.judged_every), *final}):
         policy = planned(parameters[n])
-        rates[n] = game.judge.imitation(policy, experiment.seed, _rollouts(case.rollouts, n in final))
+        rates[n] = known_rates(game.judge, policy, experiment.seed, _rollouts(case.rollouts, n in final))
         if (likelihood := held_out.log_likelihood(game, policy)) is not None:
             nats[n] = likelihood
     return Judged(rates, nats, policy)
@@ -163,13 +164,13 @@ def _judged(learned: LearnedCase, name: str, case: Case, held_out: HeldOut) -> J
 def _verdict_rows(found: Verdicts, last: int) -> Iterator[MetricsRow]:
     """By judging planner SR, CVR, V_0 and its gap; of all of them the worst, and how far their V_0 are apart."""
     measures = {
-        "judge_success": {judge: verdict.success_rate for judge, verdict in found.items()},
-        "judge_violation": {judge: verdict.violation_rate for judge, verdict in found.items()},
+        "judge_success": {judge: of.success_rate for judge, of in found.items() if of.success_rate is not None},
+        "judge_violation": {judge: of.violation_rate for judge, of in found.items() if of.violation_rate is not None},
         "judge_value": {judge: verdict.value for judge, verdict in found.items() if verdict.value is not None},
         "judge_gap": {judge: of.certificate for judge, of in found.items() if of.certificate is not None},
     }
     yield from entries(last, **measures)
-    if found:
+    if measures["judge_success"]:
         yield MetricsRow(last, "least_judge_success", min(measures["judge_success"].values()))
         yield MetricsRow(last, "most_judge_violation", max(measures["judge_violation"].values()))
     if values := measures["judge_value"].values():
@@ -198,7 +199,7 @@ def _rows(learned: LearnedCase, name: str, judged: Judged) -> Iterator[MetricsRo
     yield from curve("seconds", [update.seconds for update in progress], first=1)
     yield from entries(
         max(judged.rates),
-        **constraint_errors(_constraints(learned, name), game.true_constraints)._asdict(),
+        **constraint_errors(_constraints(learned, name), known_constraints(game))._asdict(),
         **progress[-1].work._asdict(),
         peak_memory=learned.peak_memory,
         theta=np.round(last.theta, DIGITS),

@@ -34,13 +34,14 @@ LEVEL = 0.9
 class LearnerMetrics:
     """One learner at one iteration; rates in [0, 1], the likelihood in nats per held-out demonstration.
 
-    The certificate is in nats, too: by how much the planner's value is missed by what its policy earns.
+    Rates are None where nobody knows the truth. The certificate is in nats, too: by how much the planner's value is
+    missed by what its policy earns.
     """
 
     learner: str
     iteration: int
-    violation_rate: float
-    success_rate: float
+    violation_rate: float | None
+    success_rate: float | None
     held_out_log_likelihood: float | None
     certificate: float | None
 
@@ -54,15 +55,15 @@ class Constraints(NamedTuple):
         Shape (K,).
     confidences : Vector or None
         Of the counterfactual test, -1 for what was demonstrated; None where the threshold decided.
-    errors : ConstraintErrors
-        Against the true ones.
+    errors : ConstraintErrors or None
+        Against the true ones; None where nobody knows them.
     auc : float or None
         Of the ranking by confidence, or by -omega.
     """
 
     learned: Mask
     confidences: Vector | None
-    errors: ConstraintErrors
+    errors: ConstraintErrors | None
     auc: float | None
 
 
@@ -121,10 +122,10 @@ def evaluate(
             row = before.get((name, iteration))
             if row is None:
                 planned = policy(parameters[iteration - 1])
-                imitation = game.judge.imitation(planned, experiment.seed)
+                violation, success = game.judge.imitation(planned, experiment.seed) or (None, None)
                 likelihood = held_out.log_likelihood(game, planned)
                 certificate = game.judge.certificate(planned, experiment.seed)
-                row = LearnerMetrics(name, iteration, *imitation, likelihood, certificate)
+                row = LearnerMetrics(name, iteration, violation, success, likelihood, certificate)
             rows.append(row)
             on_row(row)
     together = list(zip(*history.values(), strict=False))
@@ -167,6 +168,8 @@ def learned_constraints(
     else:
         learned, scores = confidences >= experiment.constraint_confidence, confidences
     truth = game.true_constraints
+    if truth is None:
+        return Constraints(learned, confidences, None, None)
     return Constraints(learned, confidences, constraint_errors(learned, truth), ranking_auc(scores, truth))
 
 
@@ -203,24 +206,31 @@ def _learner_summary(
     experiment: Experiment, evaluation: Evaluation, name: str, features: Sequence[str]
 ) -> Mapping[str, Any]:
     rows, constraints = evaluation.of(name), evaluation.constraints[name]
-    success = [row.success_rate for row in rows]
-    first, settled = first_at(success, LEVEL), stays_from(success, LEVEL)
     return {
         "iterations": min(rows[-1].iteration - 1, experiment.iterations),
         "violation_rate": rows[-1].violation_rate,
         "success_rate": rows[-1].success_rate,
-        "success_late_mean": late_mean(success),
-        "success_late_minimum": late_minimum(success),
-        "success_first_iteration": None if first is None else rows[first].iteration,
-        "success_stays_from_iteration": None if settled is None else rows[settled].iteration,
+        **_success_over_time(rows),
         "held_out_log_likelihood": rows[-1].held_out_log_likelihood,
         "certificate": max((row.certificate for row in rows if row.certificate is not None), default=None),
         "occupancy_distance": evaluation.occupancy_distance[name],
         "judges": {judge: verdict._asdict() for judge, verdict in evaluation.verdicts[name].items()},
-        **constraints.errors._asdict(),
+        **(dict.fromkeys(ConstraintErrors._fields) if constraints.errors is None else constraints.errors._asdict()),
         "auc": constraints.auc,
         "learned_constraints": _named(experiment, features, constraints),
         "undetermined": _undetermined(constraints),
+    }
+
+
+def _success_over_time(rows: Sequence[LearnerMetrics]) -> Mapping[str, float | None]:
+    """How success rates end, and since when; None each where nobody knows the truth."""
+    success = [row.success_rate for row in rows if row.success_rate is not None]
+    first, settled = first_at(success, LEVEL), stays_from(success, LEVEL)
+    return {
+        "success_late_mean": late_mean(success) if success else None,
+        "success_late_minimum": late_minimum(success) if success else None,
+        "success_first_iteration": None if first is None else rows[first].iteration,
+        "success_stays_from_iteration": None if settled is None else rows[settled].iteration,
     }
 
 

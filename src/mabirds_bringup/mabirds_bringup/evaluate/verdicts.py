@@ -14,16 +14,16 @@ class Verdict(NamedTuple):
 
     Attributes
     ----------
-    violation_rate, success_rate : float
-        CVR and SR of the policy that it finds.
+    violation_rate, success_rate : float or None
+        CVR and SR of the policy that it finds; None where nobody knows the true constraints.
     value : float or None
         Mean value V_0 of the starts [nats].
     certificate : float or None
         By how much the policy's rollouts miss that value [nats].
     """
 
-    violation_rate: float
-    success_rate: float
+    violation_rate: float | None
+    success_rate: float | None
     value: float | None
     certificate: float | None
 
@@ -69,4 +69,5 @@ def _verdicts(experiment: Experiment, game: Game, name: str, parameters: Paramet
 
 def _verdict(experiment: Experiment, game: Game, policy: Any) -> Verdict:
     judge, seed = game.judge, experiment.seed
-    return Verdict(*judge.imitation(policy, seed), judge.value(policy, seed), judge.certificate(policy, seed))
+    violation, success = judge.imitation(policy, seed) or (None, None)
+    return Verdict(violation, success, judge.value(policy, seed), judge.certificate(policy, seed))

@@ -40,7 +40,8 @@ def rebuild(experiment: Experiment, name: str, history: History) -> Rebuilt:
     learner = build_learner(experiment, name)
     if experiment.mixing.declares_members:
         raise ExperimentError("mixing is resilient: this audit is of strict mixing, where neighbours see theta, omega")
-    if not hasattr(learner.game, "successor") or not hasattr(learner.steps, "reveal"):
+    transitions = getattr(learner.game, "transitions", None)
+    if transitions is None or not transitions.deterministic or not hasattr(learner.steps, "reveal"):
         raise ExperimentError(
             "this audit is of games with a table of transitions, and of step rules that can be undone"
         )

@@ -6,6 +6,8 @@ import matplotlib as mpl
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mabirds_bringup.evaluate.evaluation import Evaluation
@@ -42,17 +44,26 @@ def learned_by(experiment: Experiment, history: History, evaluation: Evaluation)
 
 
 def curves_figure(evaluation: Evaluation) -> Figure:
-    """Success and violation rates, and the consensus distances, against iterations."""
+    """Success and violation rates, where the truth is known, and the consensus distances, against iterations."""
     figure, (rates, distances) = plt.subplots(1, 2, figsize=(9, 3.2), layout="constrained")
-    for name in evaluation.constraints:
-        rows = evaluation.of(name)
-        iterations = [row.iteration - 1 for row in rows]
-        line = rates.plot(iterations, [row.success_rate for row in rows], label=f"{name} SR")[0]
-        rates.plot(iterations, [row.violation_rate for row in rows], "--", color=line.get_color(), label=f"{name} CVR")
-    rates.set(xlabel="demonstrations learned", ylabel="rate", ylim=(-0.02, 1.02))
-    rates.legend(fontsize=7)
+    if all(row.success_rate is None for row in evaluation.rows):
+        rates.remove()  # nobody knows what violations are
+    else:
+        _draw_rates(rates, evaluation)
     distances.plot(evaluation.consensus_theta, label="theta")
     distances.plot(evaluation.consensus_omega, label="omega")
     distances.set(xlabel="demonstrations learned", ylabel="consensus distance")
     distances.legend(fontsize=7)
     return figure
+
+
+def _draw_rates(rates: Axes, evaluation: Evaluation) -> None:
+    for name in evaluation.constraints:
+        rows = evaluation.of(name)
+        iterations = [row.iteration - 1 for row in rows]
+        success = np.array([row.success_rate for row in rows], dtype=np.float64)
+        violation = np.array([row.violation_rate for row in rows], dtype=np.float64)
+        line = rates.plot(iterations, success, label=f"{name} SR")[0]
+        rates.plot(iterations, violation, "--", color=line.get_color(), label=f"{name} CVR")
+    rates.set(xlabel="demonstrations learned", ylabel="rate", ylim=(-0.02, 1.02))
+    rates.legend(fontsize=7)

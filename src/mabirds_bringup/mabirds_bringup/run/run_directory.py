@@ -145,9 +145,9 @@ def read_judged(directory: Path) -> list[LearnerMetrics]:
 
 
 def _judged(row: Mapping[str, str]) -> LearnerMetrics:
-    rates = float(row["violation_rate"]), float(row["success_rate"])
-    nats = [float(row[name]) if row[name] else None for name in ("held_out_log_likelihood", "certificate")]
-    return LearnerMetrics(row["learner"], int(row["iteration"]), *rates, *nats)
+    names = ("violation_rate", "success_rate", "held_out_log_likelihood", "certificate")
+    numbers = [float(row[name]) if row[name] else None for name in names]
+    return LearnerMetrics(row["learner"], int(row["iteration"]), *numbers)
 
 
 def write_json(file: Path, content: Any) -> None:

@@ -12,6 +12,7 @@ from mabirds_core.baselines.settings import (
     MeGradientSettings,
     MeGreedySettings,
 )
+from mabirds_core.errors import ExperimentError
 from mabirds_core.registry import Kind
 
 
@@ -85,7 +86,14 @@ def build_me_greedy(settings: MeGreedySettings, parts: MethodParts) -> MeGreedy:
     -------
     MeGreedy
         The method.
+
+    Raises
+    ------
+    ExperimentError
+        Moves slip, so that no choice keeps a hard constraint for sure.
     """
+    if not parts.game.transitions.deterministic:
+        raise ExperimentError("method me_greedy: moves slip, and hard constraints cannot be kept; take me_gradient")
     return MeGreedy(parts.game, settings.least_mass)
 
 

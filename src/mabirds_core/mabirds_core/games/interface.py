@@ -126,8 +126,8 @@ class ConstrainedMarkovGame(Protocol):
         ...
 
     @property
-    def true_constraints(self) -> Mask:
-        """Which cost features the experts really may not touch, shape (K,); for metrics only."""
+    def true_constraints(self) -> Mask | None:
+        """Which cost features the experts really may not touch, shape (K,); for metrics only. None: nobody knows."""
         ...
 
     def encode(self, trajectory: Trajectories) -> tuple[Array, Array]:
@@ -157,8 +157,70 @@ class ConstrainedMarkovGame(Protocol):
         ...
 
 
+class Transitions(Protocol):
+    """P(s' | s, a) of S joint states and A joint actions."""
+
+    @property
+    def deterministic(self) -> bool:
+        """Does every pair lead to a single state? Then it is ``TabularGame.successor``."""
+        ...
+
+    def expected(self, values: Vector, states: Indices | slice) -> Array:
+        """What follows on average.
+
+        Parameters
+        ----------
+        values : Vector
+            Of joint states, shape (S,).
+        states : Indices or slice
+            M of them.
+
+        Returns
+        -------
+        Array
+            sum_s' P(s' | s, a) values[s'], shape (M, A).
+        """
+        ...
+
+    def onward(self, pairs: Array, states: Indices | slice) -> Vector:
+        """Where probability goes.
+
+        Parameters
+        ----------
+        pairs : Array
+            Probabilities of state-action pairs, shape (M, A).
+        states : Indices or slice
+            The M joint states.
+
+        Returns
+        -------
+        Vector
+            Probabilities of the joint states after, shape (S,).
+        """
+        ...
+
+    def draw(self, states: Indices, actions: Indices, rng: np.random.Generator) -> Indices:
+        """Draw what follows pairs.
+
+        Parameters
+        ----------
+        states : Indices
+            Joint states, shape (M,).
+        actions : Indices
+            A joint action in each, shape (M,).
+        rng : np.random.Generator
+            Not used where there is no choice.
+
+        Returns
+        -------
+        Indices
+            Joint states after, shape (M,).
+        """
+        ...
+
+
 class TabularGame(ConstrainedMarkovGame, Protocol):
-    """A game with S joint states, A joint actions and deterministic transitions, small enough to enumerate."""
+    """A game with S joint states and A joint actions, small enough to enumerate."""
 
     @property
     def n_states(self) -> int:
@@ -182,7 +244,12 @@ class TabularGame(ConstrainedMarkovGame, Protocol):
 
     @property
     def successor(self) -> Indices:
-        """successor[s, a]: the joint state that follows, shape (S, A)."""
+        """successor[s, a]: the joint state that follows where everything goes as chosen, shape (S, A)."""
+        ...
+
+    @property
+    def transitions(self) -> Transitions:
+        """P(s' | s, a)."""
         ...
 
     @property
@@ -192,7 +259,18 @@ class TabularGame(ConstrainedMarkovGame, Protocol):
 
     @property
     def violation(self) -> Mask:
-        """violation[s, a]: does the pair break a hard constraint? Shape (S, A); for experts and metrics only."""
+        """violation[s, a]: does the pair break a hard constraint? Shape (S, A); for experts and metrics only.
+
+        Raises
+        ------
+        UnknownTruthError
+            Nobody knows.
+        """
+        ...
+
+    @property
+    def violation_cost(self) -> float:
+        """What a step with a violation, or too late, costs experts; infinite where they can avoid it."""
         ...
 
     @property

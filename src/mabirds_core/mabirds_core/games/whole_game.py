@@ -70,7 +70,7 @@ class Judge(Protocol):
         """Which of ``count`` iterations, from 1 on, are judged: always the first and the last."""
         ...
 
-    def imitation(self, policy: Any, seed: int, rollouts: int | None = None) -> ImitationMetrics:
+    def imitation(self, policy: Any, seed: int, rollouts: int | None = None) -> ImitationMetrics | None:
         """CVR and SR of a policy.
 
         Parameters
@@ -84,8 +84,8 @@ class Judge(Protocol):
 
         Returns
         -------
-        ImitationMetrics
-            Exact, or shares of the rollouts.
+        ImitationMetrics or None
+            Exact, or shares of the rollouts; None where nobody knows the true constraints.
         """
         ...
 

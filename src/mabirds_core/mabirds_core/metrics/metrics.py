@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mabirds_core.algorithm.parameters import Parameters
-from mabirds_core.arrays import Vector, weighted_counts
+from mabirds_core.arrays import Vector
 from mabirds_core.games.interface import TabularGame, Trajectories
 from mabirds_core.games.whole_game import ImitationMetrics
 from mabirds_core.planners.interface import TabularPolicy
@@ -36,7 +36,7 @@ def exact_imitation(game: TabularGame, policy: TabularPolicy) -> ImitationMetric
         states = np.flatnonzero(clean)
         pairs = clean[states, None] * np.exp(policy.log_probabilities(step, states))
         pairs[game.violation[states]] = 0.0
-        clean = weighted_counts(game.successor[states], pairs, game.n_states)
+        clean = game.transitions.onward(pairs, states)
     # Rounding may carry a probability past 1 by some 1e-15.
     return ImitationMetrics(max(0.0, 1.0 - float(pairs.sum())), min(1.0, float(pairs[game.goal[states]].sum())))
 

@@ -68,7 +68,7 @@ def rollouts(
     for step in range(game.horizon + 1):
         states[:, step] = current
         actions[:, step] = _draw(policy.log_probabilities(step, current), rng)
-        current = game.successor[current, actions[:, step]]
+        current = game.transitions.draw(current, actions[:, step], rng)
     return Trajectories(states, actions)
 
 
@@ -104,7 +104,7 @@ def occupancy_measure(game: TabularGame, policy: TabularPolicy, starts: Indices 
     for step, weight in enumerate(powers(game.discount, game.horizon + 1)):
         pairs = present[:, None] * exp(policy.log_probabilities(step, everywhere))
         occupancy += weight * pairs
-        present = weighted_counts(game.successor, pairs, game.n_states)
+        present = game.transitions.onward(pairs, slice(None))
     return occupancy / discounted_steps(game)
 
 

@@ -5,7 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from mabirds_core.errors import ExperimentError
-from mabirds_core.games.interface import ConstrainedMarkovGame
+from mabirds_core.games.interface import TabularGame
 from mabirds_core.settings import Settings
 
 MAX_STEPS = 100_000_000
@@ -27,21 +27,23 @@ class SoftQSettings(Settings):
     exploration: float = Field(0.2, ge=0, le=1, description="share of actions drawn uniformly")
 
 
-def check_soft_q(settings: SoftQSettings, game: ConstrainedMarkovGame) -> None:
-    """Check that the episodes of a sweep fit into memory.
+def check_soft_q(settings: SoftQSettings, game: TabularGame) -> None:
+    """Check that the episodes of a sweep fit into memory, and that nothing slips.
 
     Parameters
     ----------
     settings : SoftQSettings
         Of the planner.
-    game : ConstrainedMarkovGame
-        With its horizon.
+    game : TabularGame
+        With its horizon and transitions.
 
     Raises
     ------
     ExperimentError
-        They do not.
+        They do not, or some move does.
     """
+    if not game.transitions.deterministic:
+        raise ExperimentError("algorithm.policy soft_q_learning: moves slip; take soft_value_iteration")
     check_rollouts("policy.episodes", settings.episodes, game.horizon)
 
 

@@ -1,10 +1,11 @@
 """The constrained soft Bellman policy by exact soft value iteration (paper, section 4).
 
-    Q_t(s, a) = r_theta(s, a) + omega^T phi(s, a) + gamma V_{t+1}(s'),   s' = successor[s, a]
-    V_t(s)    = log sum_a exp Q_t(s, a),                                 V_{T+1} = 0
+    Q_t(s, a) = r_theta(s, a) + omega^T phi(s, a) + gamma E[ V_{t+1}(s') | s, a ]
+    V_t(s)    = log sum_a exp Q_t(s, a),                                V_{T+1} = 0
     pi_t(a|s) = exp(Q_t(s, a) - V_t(s))
 
-It is the policy of largest discounted causal entropy plus expected reward. A reward of -inf is a hard
+It is the policy of largest discounted causal entropy plus expected reward. The expectation over s' is inside the sum:
+experts choose actions, and not what chance makes of them. A reward of -inf is a hard
 constraint: the action gets probability 0, and a state all of whose actions are blocked has the value -inf.
 """
 
@@ -30,7 +31,7 @@ class SoftBellmanPolicy:
     Attributes
     ----------
     game : TabularGame
-        With the successors.
+        With the transitions.
     reward : Array
         r_theta + omega^T phi, shape (S, A).
     values : Array
@@ -46,7 +47,7 @@ class SoftBellmanPolicy:
 
     def log_probabilities(self, step: int, states: Indices) -> Array:
         """log pi_t(a | s) = Q_t(s, a) - V_t(s), shape (M, A); -inf throughout where all actions are blocked."""
-        backup = self.discount * self.values[step + 1][self.game.successor[states]]
+        backup = self.discount * self.game.transitions.expected(self.values[step + 1], states)
         value = self.values[step][states][:, None]
         blocked = np.isneginf(value)
         return np.where(blocked, -np.inf, self.reward[states] + backup - np.where(blocked, 0.0, value))
@@ -70,7 +71,7 @@ class SoftBellmanPlanner:
     ) -> SoftBellmanPolicy | FactoredPolicy:
         """pi(omega, theta): one expert after the other where the game and the rewards allow that."""
         factored = factored_reward(self.reward_model, self.cost_features, theta, omega)
-        if factored is not None:
+        if factored is not None and self.game.transitions.deterministic:
             return factored_policy(cast("FactoredGame", self.game), factored)
         reward = self.reward_model.table(theta) + self.cost_features.table(omega)
         return soft_bellman_policy(self.game, reward)
@@ -121,19 +122,23 @@ def maximum_entropy_policy(game: TabularGame, forbidden: Mask) -> SoftBellmanPol
     return SoftBellmanPolicy(game, reward, soft_value_iteration(game, reward, 1.0, game.deadline), 1.0)
 
 
-def soft_value_iteration(game: TabularGame, reward: Array, discount: float, deadline: int | None = None) -> Array:
+def soft_value_iteration(
+    game: TabularGame, reward: Array, discount: float, deadline: int | None = None, late_cost: float = np.inf
+) -> Array:
     """Soft values, backwards in time and in log space.
 
     Parameters
     ----------
     game : TabularGame
-        With horizon T and successors.
+        With horizon T and transitions.
     reward : Array
         Shape (S, A), finite or -inf.
     discount : float
         gamma.
     deadline : int, optional
-        Step from which states away from the goal have the value -inf; None: never.
+        Step from which states away from the goal are worth less; None: never.
+    late_cost : float, optional
+        How much less. Such a state is worth less than its actions, whose chances must be divided by their sum.
 
     Returns
     -------
@@ -142,9 +147,9 @@ def soft_value_iteration(game: TabularGame, reward: Array, discount: float, dead
     """
     values = np.zeros((game.horizon + 2, game.n_states))
     for step in range(game.horizon, -1, -1):
-        values[step] = log_sum_exp(reward + discount * values[step + 1][game.successor])
+        values[step] = log_sum_exp(reward + discount * game.transitions.expected(values[step + 1], slice(None)))
         if deadline is not None and step >= deadline:
-            values[step, ~game.goal] = -np.inf
+            values[step, ~game.goal] -= late_cost
     return values
 
 

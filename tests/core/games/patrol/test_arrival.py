@@ -21,7 +21,7 @@ every_game = pytest.mark.parametrize("name", GAMES)
 
 
 def model(game: PatrolGame) -> ArrivingReward:
-    return game.arriving_reward()
+    return cast("ArrivingReward", game.arriving_reward())
 
 
 def lateness_only(game: PatrolGame, worth: Vector) -> Vector:
@@ -38,8 +38,8 @@ def test_its_count_is_one_discounted_where_an_expert_is_under_way_after_the_last
     for _ in range(3):
         walked = rollouts(game, policy, 1, rng)
         after = game.successor[walked.states[0, -1], walked.actions[0, -1]]
-        late = game.cells(np.array([after]))[:, 0] != np.asarray(game.goals)
-        begun = game.cells(walked.states[0, :1])[:, 0] != np.asarray(game.goals)
+        late = game.cells(np.array([after]))[:, 0] != np.argmax(game.grid.is_goal, axis=1)
+        begun = game.cells(walked.states[0, :1])[:, 0] != np.argmax(game.grid.is_goal, axis=1)
         counts = model(game).gradient(theta, discounted_visitation(walked, game.discount))
         expected = LATE_SCALE * np.where(begun, game.discount ** (game.horizon + 1) * late, 1.0)
         np.testing.assert_allclose(counts[model(game).total_size :], expected, rtol=0, atol=1e-12)
@@ -51,7 +51,7 @@ def test_the_policy_is_that_of_a_terminal_value(name: str) -> None:
     worth = np.random.default_rng(3).normal(size=game.n_experts)
     reward = model(game).table(lateness_only(game, worth))
     found = soft_bellman_policy(game, reward)
-    under_way = np.not_equal(game.cells(np.arange(game.n_states)), np.asarray(game.goals)[:, None])
+    under_way = np.not_equal(game.cells(np.arange(game.n_states)), np.argmax(game.grid.is_goal, axis=1)[:, None])
     values = LATE_SCALE * worth @ under_way
     for step in range(game.horizon, -1, -1):
         ahead = game.discount * values[game.successor]
@@ -86,7 +86,7 @@ def test_the_reward_is_linear_in_theta_with_its_gradient(name: str) -> None:
 
 def test_a_start_at_the_goal_tells_nothing() -> None:
     game = hallway()
-    goals = [int(goal) for goal in game.goals]
+    goals = np.argmax(game.grid.is_goal, axis=1)
     at_goal = [model(game).late[expert, goal] for expert, goal in enumerate(goals)]
     steps = sum(game.discount**step for step in range(game.horizon + 1))
     np.testing.assert_allclose(at_goal, LATE_SCALE / steps, atol=1e-12)

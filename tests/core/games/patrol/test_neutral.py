@@ -10,8 +10,8 @@ from mabirds_core.games.patrol.geometry import PatrolGrid
 from mabirds_core.games.patrol.neutral import ExpertMoves
 
 GAMMA = 0.9
-GRID = PatrolGrid(3, 4, ((2, 3),))
-SUCCESSOR, GOAL, CELLS = GRID.expert_successor[0], 11, 12
+GRID = PatrolGrid(3, 4, (((2, 3),),))
+SUCCESSOR, GOALS, GOAL, CELLS = GRID.expert_successor[0], GRID.is_goal[0], 11, 12
 
 
 def shaped(potential: Vector, rho: float, successor: Array = SUCCESSOR, discount: float = GAMMA) -> Array:
@@ -34,7 +34,7 @@ def counts(seed: int, absent: tuple[int, ...] = ()) -> Array:
 @given(st.integers(0, 10**6), st.floats(-5, 5))
 def test_potential_and_ordinary_reward_are_recovered(seed: int, rho: float) -> None:
     potential = some_potential(seed)
-    moves = ExpertMoves(SUCCESSOR, GOAL, shaped(potential, rho), counts(seed), GAMMA)
+    moves = ExpertMoves(SUCCESSOR, GOALS, shaped(potential, rho), counts(seed), GAMMA)
     recovered, ordinary = moves.ordinary()
     np.testing.assert_allclose(recovered, potential, rtol=0, atol=1e-9)
     assert ordinary == pytest.approx(rho, abs=1e-9)
@@ -44,7 +44,7 @@ def test_moves_at_the_goal_say_nothing() -> None:
     potential, made = some_potential(1), counts(1)
     rewards = shaped(potential, -1.0)
     rewards[GOAL] = 100.0
-    recovered, ordinary = ExpertMoves(SUCCESSOR, GOAL, rewards, made, GAMMA).ordinary()
+    recovered, ordinary = ExpertMoves(SUCCESSOR, GOALS, rewards, made, GAMMA).ordinary()
     np.testing.assert_allclose(recovered, potential, rtol=0, atol=1e-9)
     assert ordinary == pytest.approx(-1, abs=1e-9)
 
@@ -53,7 +53,7 @@ def test_least_squares_are_weighed_by_how_often_a_move_is_made() -> None:
     """Against the normal equations, for rewards that no potential explains."""
     rng, made = np.random.default_rng(2), counts(2)
     rewards = rng.normal(size=(CELLS, 4))
-    recovered, ordinary = ExpertMoves(SUCCESSOR, GOAL, rewards, made, GAMMA).ordinary()
+    recovered, ordinary = ExpertMoves(SUCCESSOR, GOALS, rewards, made, GAMMA).ordinary()
     misses = rewards - shaped(recovered, ordinary)
     weighed = made * misses
     weighed[GOAL] = 0.0
@@ -70,7 +70,7 @@ def test_a_constant_adds_to_the_ordinary_reward_alone(seed: int, constant: float
     made = counts(seed) * (rng.random((CELLS, 4)) < 0.15)
     made[0, 1] = 1.0
     rewards = rng.normal(size=(CELLS, 4))
-    before, after = (ExpertMoves(SUCCESSOR, GOAL, rewards + c, made, GAMMA).ordinary() for c in (0.0, constant))
+    before, after = (ExpertMoves(SUCCESSOR, GOALS, rewards + c, made, GAMMA).ordinary() for c in (0.0, constant))
     np.testing.assert_allclose(after[0], before[0], rtol=0, atol=1e-9)
     assert after[1] == pytest.approx(before[1] + constant, abs=1e-9)
 
@@ -81,7 +81,7 @@ def test_neutral_moves_are_worth_an_ordinary_move(cell: int) -> None:
     potential, rho = some_potential(3), -0.5
     rewards = shaped(potential, rho)
     rewards[cell] -= 40.0
-    moves = ExpertMoves(SUCCESSOR, GOAL, rewards, counts(3, absent=(cell,)), GAMMA)
+    moves = ExpertMoves(SUCCESSOR, GOALS, rewards, counts(3, absent=(cell,)), GAMMA)
     entries = {(c, a) for c in range(CELLS) for a in range(4) if SUCCESSOR[c, a] == cell and c not in {cell, GOAL}}
     assert set(moves.neighbours(cell)) == entries
     change = moves.neutral_change(cell)
@@ -98,7 +98,7 @@ def test_neutral_moves_are_worth_an_ordinary_move(cell: int) -> None:
 
 def test_a_cell_like_its_neighbours_needs_no_change() -> None:
     potential = np.zeros(CELLS)
-    moves = ExpertMoves(SUCCESSOR, GOAL, shaped(potential, -1.0), counts(4), GAMMA)
+    moves = ExpertMoves(SUCCESSOR, GOALS, shaped(potential, -1.0), counts(4), GAMMA)
     change = moves.neutral_change(5)
     assert change is not None
     np.testing.assert_allclose(change, 0, atol=1e-9)
@@ -108,7 +108,7 @@ def test_a_cell_that_no_way_passes_beside_has_no_neutral_change() -> None:
     """Ways along the upper row: the cells below it lie beside them, the goal's row does not."""
     made = counts(5)
     made[4:] = 0.0
-    moves = ExpertMoves(SUCCESSOR, GOAL, shaped(some_potential(5), -1.0), made, GAMMA)
+    moves = ExpertMoves(SUCCESSOR, GOALS, shaped(some_potential(5), -1.0), made, GAMMA)
     assert [cell for cell in range(CELLS) if moves.neutral_change(cell) is None] == [8, 9, 10, 11]
 
 
@@ -116,6 +116,6 @@ def test_the_goal_is_no_neighbour() -> None:
     """Who has arrived goes nowhere, though the cell is visited."""
     made = np.zeros((CELLS, 4))
     made[GOAL] = 1.0
-    moves = ExpertMoves(SUCCESSOR, GOAL, shaped(some_potential(6), -1.0), made, GAMMA)
+    moves = ExpertMoves(SUCCESSOR, GOALS, shaped(some_potential(6), -1.0), made, GAMMA)
     assert moves.visited[GOAL]
     assert all(moves.neutral_change(cell) is None for cell in range(CELLS))

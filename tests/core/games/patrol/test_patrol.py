@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from games import SlowPatrol, alone, hallway, patrol, random_policy, trio
+from games import SlowPatrol, alone, crossing_diagonals, doors, hallway, patrol, random_policy, trio
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
@@ -17,7 +17,7 @@ from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_core.games.patrol.settings import PatrolSettings
 from mabirds_core.planners.occupancy import rollouts
 
-GAMES: list[Callable[[], PatrolGame]] = [alone, hallway, trio]
+GAMES: list[Callable[[], PatrolGame]] = [alone, hallway, trio, doors, crossing_diagonals]
 every_game = pytest.mark.parametrize("build", GAMES, ids=lambda build: build.__name__)
 
 
@@ -109,7 +109,7 @@ def test_the_goal_is_where_nobody_waits_and_the_task_reward_counts_who_does(
     waiting = np.array([slow.waiting(state) for state in slow.states])
     np.testing.assert_array_equal(game.goal, waiting == 0)
     np.testing.assert_array_equal(game.task_reward, slow_table(slow, lambda state, _: -slow.waiting(state)))
-    assert game.goal.sum() == 1
+    assert game.goal.sum() == np.prod([len(cells) for cells in game.settings.goal_cells])
 
 
 def test_the_initial_distribution_has_the_given_probabilities_at_the_starts() -> None:
@@ -242,6 +242,12 @@ SETTINGS: dict[str, Any] = {
             {"goals": [[0, 0], [0, 0]]},
             r"goals \(\(0, 0\), \(0, 0\)\): expected a different goal for each expert",
         ),
+        ({"goals": [[[0, 2], [0, 1]], [[0, 1]]]}, r"expected a different goal for each expert; exits can be shared"),
+        ({"goals": [[0, 2], []]}, r"goals .*: expected at least one cell for each expert"),
+        ({"goals": [[0, 2], [[0, 0], [1, 1]]]}, r"cell \(1, 1\) .*: expected a free cell"),
+        ({"slip": 1.0}, "slip\n.*input_value=1.0"),
+        ({"slip": -0.1}, "slip\n.*input_value=-0.1"),
+        ({"truth": "unknown"}, "truth unknown: expected a map without '#'"),
         ({"goals": []}, "goals\n"),
         ({"start_probabilities": [0.5, 0.5]}, r"start_probabilities \(0.5, 0.5\): expected 1 numbers"),
         ({"start_probabilities": [0.9]}, r"start_probabilities \(0.9,\): expected 1 numbers >= 0 with sum 1"),
@@ -300,6 +306,14 @@ def test_the_map_may_be_indented_and_end_with_an_empty_line() -> None:
         ({"starts": [[[0, 0], [1, 0]]]}, False),
         ({"discount": 0.9}, False),
         ({"start_probabilities": [1.0]}, False),
+        ({"goals": [[0, 2], [[0, 0]]]}, False),
+        ({"goals": [[0, 2], [[0, 0], [0, 1]]]}, True),
+        ({"waiting": True}, True),
+        ({"diagonals": True}, True),
+        ({"leaving": True}, True),
+        ({"slip": 0.1}, True),
+        ({"slip": 0.0, "waiting": False}, False),
+        ({"violation_cost": 3.0}, False),
     ],
     ids=str,
 )

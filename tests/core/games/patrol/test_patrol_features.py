@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from games import Cell, SlowPatrol, alone, hallway, random_policy, trio
+from games import Cell, SlowPatrol, alone, crossing_diagonals, doors, hallway, random_policy, trio
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -13,7 +13,13 @@ from mabirds_core.games.interface import FeatureMap, Visitation
 from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_core.planners.occupancy import ExactOccupancy
 
-GAMES = {"one expert": alone(), "two experts": hallway(), "three experts": trio()}
+GAMES = {
+    "one expert": alone(),
+    "two experts": hallway(),
+    "three experts": trio(),
+    "doors": doors(1),
+    "diagonals": crossing_diagonals(),
+}
 KINDS = ["cost", "reward"]
 
 

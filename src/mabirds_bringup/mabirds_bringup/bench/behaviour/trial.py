@@ -17,6 +17,7 @@ from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History, simulate, simulate_central
 from mabirds_core.games.interface import Trajectories, shown_features
 from mabirds_core.games.tabular.decidable import touch_without
+from mabirds_core.games.truth import known_constraints, known_rates
 from mabirds_core.games.whole_game import ImitationMetrics
 from mabirds_core.metrics.constraints import by_threshold, constraint_errors, ranking_auc
 from mabirds_core.metrics.curves import LATE, late_mean, late_minimum
@@ -48,7 +49,7 @@ def run_trial(seed: int, game_kind: str, methods: Sequence[str], demonstrations:
         "demonstrations": demonstrations,
         "pooled_nats": optimum.final,
         "pooled_best_nats": optimum.best,
-        "pooled_best_success": game.judge.imitation(policy_of(game, optimum.stopped), 0).success_rate,
+        "pooled_best_success": known_rates(game.judge, policy_of(game, optimum.stopped), 0).success_rate,
         "expert_nats": float(log_likelihoods(game, experts, problem.held_out).mean()),
     }
     judged = _Judged(problem, game, experts, touch_without(game))
@@ -108,7 +109,7 @@ class _Judged:
     def _behaviour(self, experiment: Experiment, name: str, parameters: list[Parameters]) -> Row:
         game, policy_of = self._game, evaluation_policy(experiment, name, self._game)
         policies = [policy_of(step) for step in parameters[-LATE:]]
-        rates = [game.judge.imitation(policy, 0) for policy in policies]
+        rates = [known_rates(game.judge, policy, 0) for policy in policies]
         success = [rate.success_rate for rate in rates]
         return {
             "success": success[-1],
@@ -125,12 +126,12 @@ class _Judged:
             experiment, name, parameters, self._problem.streams, self._game
         )
         threshold = by_threshold(parameters.omega, experiment.constraint_threshold)
-        of_paper = constraint_errors(threshold, self._game.true_constraints)
+        of_paper = constraint_errors(threshold, known_constraints(self._game))
         errors = self._errors(learned, -parameters.omega if confidences is None else confidences, shown)
         return {**errors, "threshold_fdr": of_paper.false_discovery_rate, "threshold_fpr": of_paper.false_positive_rate}
 
     def _errors(self, learned: Mask, scores: Vector, shown: Trajectories) -> Row:
-        truth = self._game.true_constraints
+        truth = known_constraints(self._game)
         used = shown_features(self._game, shown).used
         decidable = decidable_constraints(self._touch, truth, len(shown.states))
         return {

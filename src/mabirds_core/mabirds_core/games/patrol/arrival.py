@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from mabirds_core.arithmetic import powers
-from mabirds_core.arrays import Array, Indices, Vector
+from mabirds_core.arrays import Array, Vector
 from mabirds_core.games.interface import Visitation
 from mabirds_core.games.patrol.features import PatrolRewardFeatures
 from mabirds_core.games.patrol.geometry import PatrolGrid
@@ -24,15 +24,13 @@ LATE_SCALE = 10.0
 """Experts are late seldom, and a larger feature learns faster."""
 
 
-def lateness(grid: PatrolGrid, goals: Indices, discount: float, horizon: int) -> Array:
+def lateness(grid: PatrolGrid, discount: float, horizon: int) -> Array:
     """What each move of each expert adds to its being late.
 
     Parameters
     ----------
     grid : PatrolGrid
-        Where moves lead.
-    goals : Indices
-        Of the experts, shape (N_E,).
+        Where moves lead, and where experts have arrived.
     discount : float
         gamma.
     horizon : int
@@ -41,12 +39,12 @@ def lateness(grid: PatrolGrid, goals: Indices, discount: float, horizon: int) ->
     Returns
     -------
     Array
-        Shape (N_E, n, 4). Its gamma^t-weighted sum over a trajectory t = 0..T that begins under way is
+        Shape (N_E, n, M). Its gamma^t-weighted sum over a trajectory t = 0..T that begins under way is
         gamma^{T+1} LATE_SCALE where the expert does not arrive, and 0 where it does. The 1 of the telescoping sum is
         spread evenly over the steps.
     """
     steps = powers(discount, horizon + 1).sum()
-    under_way = (np.arange(grid.n_cells) != np.asarray(goals)[:, None]).astype(np.float64)
+    under_way = (~grid.is_goal).astype(np.float64)
     after = under_way[np.arange(grid.n_experts)[:, None, None], grid.expert_successor]
     return np.asarray(LATE_SCALE * (discount * after - under_way[:, :, None] + 1 / steps))
 
@@ -62,7 +60,7 @@ class ArrivingReward:
     features : PatrolRewardFeatures
         f, shape (K,) at each state-action pair.
     late : Array
-        By ``lateness``, shape (N_E, n, 4).
+        By ``lateness``, shape (N_E, n, M).
     """
 
     features: PatrolRewardFeatures

@@ -1,5 +1,6 @@
 """Cost and reward features of the patrol game, summed and tabulated without a matrix of all pairs."""
 
+from collections.abc import Mapping
 from functools import cached_property
 
 import numpy as np
@@ -7,27 +8,29 @@ import numpy as np
 from mabirds_core.arrays import Array, Vector, weighted_counts
 from mabirds_core.games.factored import FactoredReward
 from mabirds_core.games.interface import Visitation
-from mabirds_core.games.patrol.geometry import MOVE_NAMES, N_MOVES, PatrolGrid
+from mabirds_core.games.patrol.geometry import PatrolGrid
 from mabirds_core.kernels.factored import Totals
 from mabirds_core.planners.factored import FactoredVisitation
 
 
 class PatrolCostFeatures:
-    """phi(s, a): one indicator per expert and cell (s), pairs sharing a cell (s), pairs swapping cells (s, a).
+    """phi(s, a): indicators by expert and cell (s), pairs sharing a cell (s), pairs swapping cells (s, a), named ones.
 
-    K = N_E n + 2; expert by expert, cell by cell, then sharing, then swapping. The last two count ``joint_scale``
-    times: experts meet seldom before they have learned to walk, and a larger feature learns faster.
+    K = N_E n + 2 + J; expert by expert, cell by cell, then sharing, then swapping, then J of the user's own (s).
+    Sharing and swapping count ``joint_scale`` times: experts meet seldom before they have learned to walk, and a larger
+    feature learns faster.
     """
 
-    nonnegative = True
-
-    def __init__(self, grid: PatrolGrid, joint_scale: float) -> None:
+    def __init__(self, grid: PatrolGrid, joint_scale: float, named: Mapping[str, Vector] | None = None) -> None:
         self._grid, self._joint_scale = grid, joint_scale
+        self._n_own, self._named = grid.n_experts * grid.n_cells, [*(named or {}).values()]
+        self.nonnegative = all(bool((values >= 0).all()) for values in self._named)
         cells = [divmod(cell, grid.width) for cell in range(grid.n_cells)]
         self.names = (
             *(f"expert_{i + 1} in ({r}, {c})" for i in range(grid.n_experts) for r, c in cells),
             "sharing a cell",
             "swapping cells",
+            *(named or {}),
         )
 
     def total(self, visitation: Visitation) -> Vector:
@@ -35,39 +38,52 @@ class PatrolCostFeatures:
         if isinstance(visitation, FactoredVisitation):
             return self._of_totals(visitation.totals)
         grid, (states, actions, weights) = self._grid, visitation
-        by_cell = [weighted_counts(cells, weights, grid.n_cells) for cells in grid.cells(states)]
+        by_cell = [
+            weighted_counts(cells, weights * here[cells], grid.n_cells)
+            for cells, here in zip(grid.cells(states), grid.present, strict=True)
+        ]
         sharing = (weights * grid.sharing[states]).sum()
         swapping = (weights * grid.swapping_in(states, actions)).sum()
-        return np.concatenate([*by_cell, self._joint_scale * np.array([sharing, swapping])])
+        named = [(weights * values[states]).sum() for values in self._named]
+        return np.concatenate([*by_cell, self._joint_scale * np.array([sharing, swapping]), named])
 
     def _of_totals(self, totals: Totals) -> Vector:
         sharing = (totals.states * self._grid.sharing).sum()
         swapping = (totals.levels * np.arange(len(totals.levels))).sum()
         joint = self._joint_scale * np.array([sharing, swapping])
-        return np.concatenate([totals.moves.sum(axis=2).ravel(), joint])
+        named = [(totals.states * values).sum() for values in self._named]
+        return np.concatenate([(totals.moves.sum(axis=2) * self._grid.present).ravel(), joint, named])
 
     def factored(self, weights: Vector) -> FactoredReward:
         """weights^T phi(s, a), by expert."""
         grid = self._grid
-        by_cell = weights[:-2].reshape(grid.n_experts, grid.n_cells, 1)
-        sharing, swapping = self._joint_scale * weights[-2:]
-        moves = np.repeat(by_cell, N_MOVES, axis=2)
-        return FactoredReward(moves, sharing * grid.sharing, swapping * np.arange(grid.n_pairs + 1))
+        swapping = self._joint_scale * weights[self._n_own + 1]
+        moves = np.repeat(self._by_cell(weights)[:, :, None], grid.n_moves, axis=2)
+        return FactoredReward(moves, self._of_states(weights), swapping * np.arange(grid.n_pairs + 1))
 
     def table(self, weights: Vector) -> Array:
         """weights^T phi(s, a), shape (S, A)."""
         grid = self._grid
-        by_cell = weights[:-2].reshape(grid.n_experts, grid.n_cells)
         cells = grid.cells(np.arange(grid.n_states))
-        sharing, swapping = self._joint_scale * weights[-2:]
-        of_state: Vector = sharing * grid.sharing
-        for own_weights, own_cells in zip(by_cell, cells, strict=True):
+        of_state, swapping = self._of_states(weights), self._joint_scale * weights[self._n_own + 1]
+        for own_weights, own_cells in zip(self._by_cell(weights), cells, strict=True):
             of_state = of_state + own_weights[own_cells]
         return np.asarray(of_state[:, None] + swapping * grid.swapping)
 
+    def _of_states(self, weights: Vector) -> Vector:
+        """What sharing and the named features weigh in joint states, shape (S,)."""
+        of_state: Vector = self._joint_scale * weights[self._n_own] * self._grid.sharing
+        for weight, values in zip(weights[self._n_own + 2 :], self._named, strict=True):
+            of_state = of_state + weight * values
+        return of_state
+
+    def _by_cell(self, weights: Vector) -> Array:
+        """What a cell weighs for an expert who is there, shape (N_E, n)."""
+        return np.asarray(weights[: self._n_own].reshape(self._grid.present.shape) * self._grid.present)
+
 
 class PatrolRewardFeatures:
-    """One indicator per expert, cell and move: K = 4 n N_E, moves varying fastest."""
+    """One indicator per expert, cell and move: K = M n N_E, moves varying fastest. Who has left makes no moves."""
 
     nonnegative = True
 
@@ -77,39 +93,47 @@ class PatrolRewardFeatures:
             f"expert_{i + 1} in {divmod(cell, grid.width)} going {move}"
             for i in range(grid.n_experts)
             for cell in range(grid.n_cells)
-            for move in MOVE_NAMES
+            for move in grid.move_names
         )
 
     @cached_property
     def descriptors(self) -> Array:
-        """Which expert and which move (one of 1, the others 0), then row and column from -1 to 1: D = N_E + 6."""
+        """Which expert and which move (one of 1, the others 0), then row and column from -1 to 1: D = N_E + M + 2."""
         grid = self._grid
-        experts, cells, moves = np.indices((grid.n_experts, grid.n_cells, N_MOVES)).reshape(3, -1)
+        experts, cells, moves = np.indices((grid.n_experts, grid.n_cells, grid.n_moves)).reshape(3, -1)
         rows, columns = np.divmod(cells, grid.width)
         place = [2 * rows / max(1, grid.height - 1) - 1, 2 * columns / max(1, grid.width - 1) - 1]
-        return np.column_stack([np.eye(grid.n_experts)[experts], np.eye(N_MOVES)[moves], *place])
+        return np.column_stack([np.eye(grid.n_experts)[experts], np.eye(grid.n_moves)[moves], *place])
 
     def total(self, visitation: Visitation) -> Vector:
         """sum_k weights[k] of the pairs in which an expert makes a move in a cell, shape (K,)."""
         if isinstance(visitation, FactoredVisitation):
-            return visitation.totals.moves.ravel()
+            return (visitation.totals.moves * self._grid.present[:, :, None]).ravel()
         grid, (states, actions, weights) = self._grid, visitation
-        pairs = grid.cells(states) * N_MOVES + grid.moves(actions)
-        size = grid.n_cells * N_MOVES
-        return np.concatenate([weighted_counts(pairs_of_expert, weights, size) for pairs_of_expert in pairs])
+        cells, size = grid.cells(states), grid.n_cells * grid.n_moves
+        pairs = cells * grid.n_moves + grid.moves(actions)
+        return np.concatenate(
+            [
+                weighted_counts(of_expert, weights * here[own], size)
+                for of_expert, own, here in zip(pairs, cells, grid.present, strict=True)
+            ]
+        )
 
     def factored(self, weights: Vector) -> FactoredReward:
         """Sum of the experts' weights, by expert."""
         grid = self._grid
-        by_move = weights.reshape(grid.n_experts, grid.n_cells, N_MOVES)
-        return FactoredReward(by_move, np.zeros(grid.n_states), np.zeros(grid.n_pairs + 1))
+        return FactoredReward(self._by_move(weights), np.zeros(grid.n_states), np.zeros(grid.n_pairs + 1))
 
     def table(self, weights: Vector) -> Array:
         """Sum of the experts' weights at every joint (s, a), shape (S, A)."""
         grid = self._grid
         cells, moves = grid.cells(np.arange(grid.n_states)), grid.moves(np.arange(grid.n_actions))
         table = np.zeros((grid.n_states, grid.n_actions))
-        by_expert = weights.reshape(grid.n_experts, grid.n_cells, -1)
-        for own_weights, own_cells, own_moves in zip(by_expert, cells, moves, strict=True):
+        for own_weights, own_cells, own_moves in zip(self._by_move(weights), cells, moves, strict=True):
             table += own_weights[own_cells[:, None], own_moves]
         return table
+
+    def _by_move(self, weights: Vector) -> Array:
+        """What a move weighs for an expert who is there, shape (N_E, n, M)."""
+        here = self._grid.present[:, :, None]
+        return np.asarray(weights.reshape(*here.shape[:2], self._grid.n_moves) * here)

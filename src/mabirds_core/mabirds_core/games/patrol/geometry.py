@@ -2,18 +2,19 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations
+from itertools import combinations, product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mabirds_core.arrays import Indices, digits
+from mabirds_core.arrays import Indices, Mask, digits
 from mabirds_core.games.factored import Factors
 
-MOVE_NAMES = ("north", "east", "south", "west")
-N_MOVES = len(MOVE_NAMES)
-MOVES = np.array([[-1, 0], [0, 1], [1, 0], [0, -1]])
-"""North, east, south, west as (rows, columns)."""
+STRAIGHT = {"north": (-1, 0), "east": (0, 1), "south": (1, 0), "west": (0, -1)}
+"""Moves as (rows, columns)."""
+WAITING = {"nowhere": (0, 0)}
+DIAGONALS = {"northeast": (-1, 1), "southeast": (1, 1), "southwest": (1, -1), "northwest": (-1, -1)}
 
 SWAP_BLOCK = 4096
 """Joint states at a time, of which all joint actions are looked at."""
@@ -26,7 +27,8 @@ class PatrolGrid:
     """A map of n = height * width cells on which N_E experts walk, each to its own absorbing goal.
 
     A joint state is the mixed-radix number of the experts' cells (expert 1 most significant), a cell the index
-    row * width + column; joint actions likewise. S = n^N_E, A = 4^N_E.
+    row * width + column; joint actions likewise. S = n^N_E, A = M^N_E: the M moves are the four straight ones, then
+    waiting, then the four diagonal ones, as far as the game has them.
 
     Attributes
     ----------
@@ -34,13 +36,48 @@ class PatrolGrid:
         Rows.
     width : int
         Columns.
-    goal_cells : tuple[Cell, ...]
-        (row, column) of each expert's goal.
+    goal_cells : tuple[tuple[Cell, ...], ...]
+        (row, column) of the cells of each expert's goal.
+    waiting : bool
+        Experts may stay where they are.
+    diagonals : bool
+        Experts may move diagonally.
+    leaving : bool
+        Who has arrived is gone, and shares no cell with anybody.
+    slip : float
+        Chance that an expert makes any of its moves, all equally likely, in place of the one it chose.
     """
 
     height: int
     width: int
-    goal_cells: tuple[Cell, ...]
+    goal_cells: tuple[tuple[Cell, ...], ...]
+    waiting: bool = False
+    diagonals: bool = False
+    leaving: bool = False
+    slip: float = 0.0
+
+    @property
+    def dynamics(self) -> dict[str, Any]:
+        """What decides trajectories, as JSON can write it: without options at their defaults, which came later."""
+        goals = tuple(cells[0] if len(cells) == 1 else cells for cells in self.goal_cells)
+        options = {name: getattr(self, name) for name in ("waiting", "diagonals", "leaving", "slip")}
+        given = {name: value for name, value in options.items() if value}
+        return {"height": self.height, "width": self.width, "goal_cells": goals, **given}
+
+    @cached_property
+    def steps_of_moves(self) -> dict[str, Cell]:
+        """(rows, columns) of every move by its name."""
+        return STRAIGHT | (WAITING if self.waiting else {}) | (DIAGONALS if self.diagonals else {})
+
+    @property
+    def move_names(self) -> tuple[str, ...]:
+        """Of the M moves."""
+        return tuple(self.steps_of_moves)
+
+    @property
+    def n_moves(self) -> int:
+        """M."""
+        return len(self.steps_of_moves)
 
     @property
     def n_cells(self) -> int:
@@ -60,12 +97,20 @@ class PatrolGrid:
     @property
     def n_actions(self) -> int:
         """A."""
-        return int(N_MOVES**self.n_experts)
+        return int(self.n_moves**self.n_experts)
 
     @cached_property
-    def goals(self) -> Indices:
-        """The experts' goal cells, shape (N_E,)."""
-        return np.array([self.cell_index(cell) for cell in self.goal_cells])
+    def is_goal(self) -> Mask:
+        """is_goal[i, c]: expert i has arrived in cell c, shape (N_E, n)."""
+        goals = np.zeros((self.n_experts, self.n_cells), dtype=np.bool_)
+        for expert, cells in enumerate(self.goal_cells):
+            goals[expert, [self.cell_index(cell) for cell in cells]] = True
+        return goals
+
+    @cached_property
+    def present(self) -> Mask:
+        """present[i, c]: expert i is really in cell c, and has not left there; shape (N_E, n)."""
+        return ~self.is_goal if self.leaving else np.ones_like(self.is_goal)
 
     def cell_index(self, cell: Cell) -> int:
         """row * width + column."""
@@ -77,7 +122,7 @@ class PatrolGrid:
 
     def moves(self, actions: NDArray[np.integer]) -> Indices:
         """The experts' moves in joint ``actions`` of any shape: (N_E, *actions.shape)."""
-        return digits(actions, N_MOVES, self.n_experts)
+        return digits(actions, self.n_moves, self.n_experts)
 
     def joint_state(self, cells: NDArray[np.integer]) -> Indices:
         """Inverse of ``cells``."""
@@ -85,14 +130,20 @@ class PatrolGrid:
 
     @cached_property
     def expert_successor(self) -> Indices:
-        """expert_successor[i, c, a]: where move a takes expert i from cell c, shape (N_E, n, 4)."""
+        """expert_successor[i, c, a]: where move a takes expert i from cell c, shape (N_E, n, M)."""
         rows, columns = np.divmod(np.arange(self.n_cells), self.width)
-        position = np.stack([rows, columns], axis=-1)[:, None, :] + MOVES
+        position = np.stack([rows, columns], axis=-1)[:, None, :] + [*self.steps_of_moves.values()]
         inside = ((position >= 0) & (position < [self.height, self.width])).all(axis=-1)
         stay = np.arange(self.n_cells)[:, None]
         moved = np.where(inside, position[..., 0] * self.width + position[..., 1], stay)
-        absorbing = np.arange(self.n_cells)[:, None] == self.goals[:, None, None]
-        return np.where(absorbing, stay, moved)
+        return np.where(self.is_goal[:, :, None], stay, moved)
+
+    @cached_property
+    def midways(self) -> Indices:
+        """midways[i, c, a]: a number for the place halfway between a cell and the one after, shape (N_E, n, M)."""
+        rows, columns = np.divmod(np.arange(self.n_cells), self.width)
+        doubled = 2 * self.width * rows + columns  # of two cells, the sum says where they lie, as columns carry nothing
+        return np.asarray(doubled[:, None] + doubled[self.expert_successor])
 
     def _cells_after(self) -> list[Indices]:
         """The cell after each joint (s, a), one (S, A) array per expert."""
@@ -113,16 +164,16 @@ class PatrolGrid:
         cells = self.cells(np.arange(self.n_states))
         count = np.zeros(self.n_states, dtype=np.int64)
         for i, j in self._pairs:
-            count += cells[i] == cells[j]
+            count += (cells[i] == cells[j]) & self.present[i][cells[i]] & self.present[j][cells[j]]
         return count
 
     @cached_property
     def swapping(self) -> NDArray[np.int8]:
-        """swapping[s, a]: pairs of experts that exchange their cells, shape (S, A)."""
+        """swapping[s, a]: pairs of experts that would pass through each other, shape (S, A)."""
         return self.swapping_in(np.arange(self.n_states)[:, None], np.arange(self.n_actions))
 
     def swapping_in(self, states: NDArray[np.integer], actions: NDArray[np.integer]) -> NDArray[np.int8]:
-        """Count pairs of experts that exchange their cells.
+        """Count pairs of experts whose moves, as chosen, exchange their cells, or cross each other diagonally.
 
         Parameters
         ----------
@@ -137,10 +188,10 @@ class PatrolGrid:
             Pairs, of the shape of both.
         """
         cells, moves = self.cells(states), self.moves(actions)
-        after = [table[own, made] for table, own, made in zip(self.expert_successor, cells, moves, strict=True)]
+        midways = [table[own, made] for table, own, made in zip(self.midways, cells, moves, strict=True)]
         count = np.zeros(np.broadcast_shapes(states.shape, actions.shape), dtype=np.int8)
         for i, j in self._pairs:
-            count += (after[i] == cells[j]) & (after[j] == cells[i]) & (cells[i] != cells[j])
+            count += (midways[i] == midways[j]) & (cells[i] != cells[j])
         return count
 
     @cached_property
@@ -152,15 +203,20 @@ class PatrolGrid:
         return Factors(self.expert_successor, states, levels.astype(np.uint8))
 
     def _can_swap(self) -> NDArray[np.bool_]:
-        """Joint states in which two experts are next to each other, and neither at its goal, shape (S,)."""
-        cells = np.arange(self.n_cells)
-        leads = (self.expert_successor[:, :, None, :] == cells[:, None]).any(axis=-1)
-        leads[:, cells, cells] = False
+        """Joint states in which moves of two experts can lead through each other, shape (S,)."""
         shape, states = (self.n_cells,) * self.n_experts, np.zeros(self.n_states, dtype=np.bool_)
         for i, j in self._pairs:
             apart = [self.n_cells if k in {i, j} else 1 for k in range(self.n_experts)]
-            states |= np.broadcast_to((leads[i] & leads[j].T).reshape(apart), shape).ravel()
+            states |= np.broadcast_to(self._can_meet_midway(i, j).reshape(apart), shape).ravel()
         return states
+
+    def _can_meet_midway(self, i: int, j: int) -> Mask:
+        """By the cells of two experts, shape (n, n)."""
+        met = np.zeros((self.n_cells, self.n_cells), dtype=np.bool_)
+        for one, other in product(self.midways[i].T, self.midways[j].T):
+            met |= one[:, None] == other
+        np.fill_diagonal(met, val=False)
+        return met
 
     @property
     def n_pairs(self) -> int:

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from mabirds_core.arrays import Array, Mask
+from mabirds_core.arrays import Array, Mask, Vector
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_core.games.patrol.visits import visits
@@ -51,9 +51,9 @@ def draw_map(
         axis.scatter(columns, rows, marker="x", color="tab:red", s=28)
     for row, column in {start[expert] for start in game.settings.starts[:MAX_STARTS]}:
         axis.annotate("S", (column, row), ha="center", va="center", fontsize=8)
-    row, column = game.settings.goals[expert]
     box = {"boxstyle": "round,pad=0.1", "color": "tab:green", "alpha": 0.8}
-    axis.annotate("G", (column, row), ha="center", va="center", fontsize=8, color="white", weight="bold", bbox=box)
+    for row, column in game.settings.goal_cells[expert]:
+        axis.annotate("G", (column, row), ha="center", va="center", fontsize=8, color="white", weight="bold", bbox=box)
     axis.set_xticks([])
     axis.set_yticks([])
 
@@ -100,7 +100,7 @@ def demonstrations_figure(game: PatrolGame, demonstrations: Trajectories) -> Fig
         draw_map(axis, game, expert)
         draw_paths(axis, game, expert, shown)
         axis.set_title(f"expert {expert + 1}", fontsize=9)
-    figure.suptitle(f"{len(shown.states)} demonstrations; S starts, G goal, grey obstacles", fontsize=9)
+    figure.suptitle(f"{len(shown.states)} demonstrations; S starts, G goals{_of_obstacles(game)}", fontsize=9)
     return figure
 
 
@@ -121,17 +121,28 @@ def map_figure(game: PatrolGame, learned: Mapping[str, Learned]) -> Figure:
     """
     size = (2.6 * len(learned) + 0.8, 2.8 * game.n_experts)
     figure, axes = plt.subplots(game.n_experts, len(learned), figsize=size, squeeze=False, layout="constrained")
-    for column, (name, (policy, _, constrained)) in zip(axes.T, learned.items(), strict=True):
+    for column, (name, (policy, omega, constrained)) in zip(axes.T, learned.items(), strict=True):
         visited = visits(game, policy)
         for expert, axis in enumerate(column):
             cells = slice(expert * game.n_cells, (expert + 1) * game.n_cells)
             draw_map(axis, game, expert, visited[expert], constrained[cells])
             axis.set_title(f"{name}: expert {expert + 1}", fontsize=9)
-        column[-1].set_xlabel(_joint_constraints(constrained), fontsize=7)
-    figure.suptitle("policy (blue), constraints (red) as learned;\ntrue obstacles (grey)", fontsize=10)
+        column[-1].set_xlabel(_joint_constraints(game, constrained) + _named_costs(game, omega), fontsize=7)
+    truth = "\nnobody knows the truth" if game.true_constraints is None else ";\ntrue obstacles (grey)"
+    figure.suptitle(f"policy (blue), constraints (red) as learned{truth}", fontsize=10)
     return figure
 
 
-def _joint_constraints(learned: Mask) -> str:
-    names = [name for name, is_learned in zip(("sharing", "swapping"), learned[-2:], strict=True) if is_learned]
+def _of_obstacles(game: PatrolGame) -> str:
+    return ", grey obstacles" if game.obstacles.any() else ""
+
+
+def _joint_constraints(game: PatrolGame, learned: Mask) -> str:
+    first = game.n_experts * game.n_cells
+    names = [name for name, is_learned in zip(("sharing", "swapping"), learned[first:], strict=False) if is_learned]
     return "joint constraints: " + (", ".join(names) or "none")
+
+
+def _named_costs(game: PatrolGame, omega: Vector) -> str:
+    weights = omega[game.n_experts * game.n_cells + 2 :]
+    return "".join(f"\n{name} costs {-weight:.2f}" for name, weight in zip(game.settings.costs, weights, strict=True))

@@ -1,11 +1,14 @@
 """The patrol game as written in an experiment file."""
 
-from typing import Literal
+from itertools import chain
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
-from mabirds_core.games.patrol.geometry import N_MOVES
+from mabirds_core.expressions import Expression
+from mabirds_core.games.patrol.geometry import Cell, PatrolGrid
+from mabirds_core.games.patrol.named_costs import QUANTITIES, named_features, quantity_names
 from mabirds_core.settings import Settings
 
 MAX_PAIRS = 20_000_000
@@ -15,7 +18,11 @@ MAX_FLOAT = 10**300
 MAX_VALUES = 200_000_000
 """Values of joint states at all steps that a policy can keep: 1.6 gigabytes."""
 
-Cell = tuple[int, int]
+
+MAX_COSTS = 32
+"""Cost features of the user's own."""
+
+Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
 
 
 class PatrolSettings(Settings):
@@ -29,12 +36,41 @@ class PatrolSettings(Settings):
     map: str = Field(description="rows of '.' (free) and '#' (obstacle), all of one length")
     starts: tuple[tuple[Cell, ...], ...] = Field(min_length=1, description="joint starts: one cell per expert")
     start_probabilities: tuple[float, ...] | None = Field(None, description="of the joint starts; default: uniform")
-    goals: tuple[Cell, ...] = Field(min_length=1, description="one absorbing goal cell per expert, all different")
+    goals: tuple[Cell | tuple[Cell, ...], ...] = Field(
+        min_length=1, description="per expert an absorbing goal: a cell, or a list of cells, any of which will do"
+    )
     horizon: int = Field(ge=1, le=10_000, description="T: trajectories have T + 1 steps")
     discount: float = Field(0.95, gt=0, le=1, description="gamma")
     joint_scale: float = Field(1.0, gt=0, le=1000, description="of the features for sharing and swapping cells")
     step_cost: float = Field(1.0, ge=0, le=1000, description="true reward: minus this per step and expert under way")
     deadline: int | None = Field(None, ge=0, description="step by which experts arrive; default: the horizon")
+    waiting: bool = Field(default=False, description="experts may stay where they are")
+    diagonals: bool = Field(
+        default=False, description="experts may also move northeast, southeast, southwest, northwest"
+    )
+    leaving: bool = Field(
+        default=False,
+        description="goals are exits: who has arrived is gone and in nobody's way; demonstrations may end early",
+    )
+    slip: float = Field(
+        0.0,
+        ge=0,
+        lt=1,
+        description="chance that an expert makes any of its moves, all equally likely, for the one it chose",
+    )
+    violation_cost: float = Field(
+        20.0, gt=0, le=1000, description="where experts slip: what a step with a violation, or too late, costs them"
+    )
+    truth: Literal["map", "unknown"] = Field(
+        "map", description="map: obstacles, sharing and swapping are forbidden; unknown: nobody can say what is"
+    )
+
+    costs: dict[Name, str] = Field(
+        default_factory=dict, max_length=MAX_COSTS, description="cost features of your own: expressions by name"
+    )
+    layers: dict[Name, tuple[tuple[float, ...], ...]] = Field(
+        default_factory=dict, max_length=MAX_COSTS, description="numbers of the map's cells, row by row, for costs"
+    )
 
     @field_validator("map")
     @classmethod
@@ -53,10 +89,9 @@ class PatrolSettings(Settings):
     @model_validator(mode="after")
     def _cells_fit(self) -> "PatrolSettings":
         rows = self.rows
-        for cell in (*self.goals, *(cell for start in self.starts for cell in start)):
+        for cell in (*chain(*self.goal_cells), *chain(*self.starts)):
             _check_free(rows, cell)
-        if len(set(self.goals)) != self.n_experts:
-            raise ValueError(f"goals {self.goals}: expected a different goal for each expert")
+        self._check_goals()
         for start in self.starts:
             if len(start) != self.n_experts or len(set(start)) != self.n_experts:
                 raise ValueError(f"start {start}: expected {self.n_experts} different cells, one per expert")
@@ -64,11 +99,41 @@ class PatrolSettings(Settings):
         self._check_size()
         return self
 
+    def _check_goals(self) -> None:
+        if not all(self.goal_cells):
+            raise ValueError(f"goals {self.goals}: expected at least one cell for each expert")
+        every = [*chain(*map(set, self.goal_cells))]
+        if not self.leaving and len(set(every)) != len(every):
+            raise ValueError(
+                f"goals {self.goals}: expected a different goal for each expert; exits can be shared (leaving: true)"
+            )
+
+    @model_validator(mode="after")
+    def _nobody_knows_the_obstacles(self) -> "PatrolSettings":
+        if self.truth == "unknown" and "#" in self.map:
+            raise ValueError("truth unknown: expected a map without '#'; leave truth out where obstacles are known")
+        return self
+
+    @model_validator(mode="after")
+    def _costs_have_values(self) -> "PatrolSettings":
+        shape = [len(self.rows[0])] * len(self.rows)
+        for name, layer in self.layers.items():
+            if name in QUANTITIES:
+                raise ValueError(f"layers.{name}: expected another name than {', '.join(QUANTITIES)}, which are taken")
+            if [len(row) for row in layer] != shape:
+                raise ValueError(f"layers.{name}: expected {len(shape)} rows of {shape[0]} numbers, as the map has")
+        names = quantity_names(self.n_experts, self.layers)
+        for name, text in self.costs.items():
+            if unknown := Expression(text).names - names:
+                raise ValueError(f"costs.{name}: {sorted(unknown)} is none of {sorted(names)}")
+        named_features(self.grid, self.costs, self.layers)
+        return self
+
     def _check_size(self) -> None:
-        height, width = len(self.rows), len(self.rows[0])
-        states = (height * width) ** self.n_experts
-        pairs, values = states * N_MOVES**self.n_experts, states * (self.horizon + 2)
-        experts = f"{self.n_experts} experts on a {height}x{width} map make"
+        grid = self.grid
+        states = grid.n_states
+        pairs, values = states * grid.n_actions, states * (self.horizon + 2)
+        experts = f"{self.n_experts} experts on a {grid.height}x{grid.width} map make"
         if pairs > MAX_PAIRS:
             raise ValueError(
                 f"{experts} {min(pairs, MAX_FLOAT):.2g} joint state-action pairs, expected at most {MAX_PAIRS:.2g};"
@@ -96,6 +161,25 @@ class PatrolSettings(Settings):
     def n_experts(self) -> int:
         """N_E."""
         return len(self.goals)
+
+    @property
+    def goal_cells(self) -> tuple[tuple[Cell, ...], ...]:
+        """The cells of each expert's goal."""
+        return tuple(_as_cells(goal) for goal in self.goals)
+
+    @property
+    def grid(self) -> PatrolGrid:
+        """Where experts can be and go."""
+        return PatrolGrid(
+            len(self.rows), len(self.rows[0]), self.goal_cells, self.waiting, self.diagonals, self.leaving, self.slip
+        )
+
+
+def _as_cells(goal: Cell | tuple[Cell, ...]) -> tuple[Cell, ...]:
+    """A single cell is the list of it alone."""
+    if goal and isinstance(goal[0], int):
+        return (goal,)
+    return goal
 
 
 def _check_free(rows: list[str], cell: Cell) -> None:

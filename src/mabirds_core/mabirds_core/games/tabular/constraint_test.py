@@ -21,6 +21,7 @@ from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Array, Mask, Vector, weighted_counts
 from mabirds_core.games.factored import FactoredGame, FactoredReward
 from mabirds_core.games.interface import ShownFeatures, TabularGame
+from mabirds_core.games.tabular.decidable import touch_chance
 from mabirds_core.kernels.factored import Totals
 from mabirds_core.planners.factored import factored_policy, factored_reward
 from mabirds_core.planners.occupancy import discounted_steps, occupancy_measure, pairs_of
@@ -112,7 +113,7 @@ class _Learned(Protocol):
 def _learned(game: NeutralGame, reward: TabularRewardModel, parameters: Parameters) -> _Learned:
     """By expert, where the game and the rewards allow that."""
     factored = factored_reward(reward, game.cost_features, *parameters)
-    if factored is not None:
+    if factored is not None and game.transitions.deterministic:
         return _LearnedByExpert(cast("FactoredGame", game), factored)
     return _LearnedTable(game, reward.table(parameters.theta) + game.cost_features.table(parameters.omega))
 
@@ -169,10 +170,12 @@ def touch_probability(game: TabularGame, reward: Array, touched: Mask) -> float:
     Returns
     -------
     float
-        In [0, 1]. The backward pass is that of ``soft_bellman`` with exp of the reward taken once: with
-        Y_t(s) = exp(gamma (V_t(s) - max V_t)), pi_t(a|s) is proportional to exp(r(s, a)) Y_{t+1}(s'). Probabilities
-        below exp(-700) become 0.
+        In [0, 1]. Where nothing slips, the backward pass is that of ``soft_bellman`` with exp of the reward taken once:
+        with Y_t(s) = exp(gamma (V_t(s) - max V_t)), pi_t(a|s) is proportional to exp(r(s, a)) Y_{t+1}(s').
+        Probabilities below exp(-700) become 0.
     """
+    if not game.transitions.deterministic:
+        return touch_chance(game, soft_bellman_policy(game, reward), touched)
     factors = np.exp(reward - reward.max())
     steps = game.horizon + 1
     onward = np.ones((steps + 1, game.n_states))

@@ -7,6 +7,9 @@ state from which none need be broken:
 
 Soft experts draw from all clean ways that arrive by the deadline, each with a probability proportional to exp of
 its reward; where a step costs nothing, all of them are equally good and equally likely.
+
+Where moves slip nobody can promise either. A step with a violation then costs ``violation_cost``, and so does a step
+under way from the deadline on; soft experts follow the causal-entropy policy of that reward.
 """
 
 from collections.abc import Iterator
@@ -20,7 +23,12 @@ from mabirds_core.arrays import Array, Indices
 from mabirds_core.errors import InfeasibleError
 from mabirds_core.games.interface import TabularGame, Trajectories
 from mabirds_core.planners.occupancy import rollouts
-from mabirds_core.planners.soft_bellman import SoftBellmanPolicy, maximum_entropy_policy
+from mabirds_core.planners.soft_bellman import (
+    SoftBellmanPolicy,
+    log_sum_exp,
+    maximum_entropy_policy,
+    soft_value_iteration,
+)
 
 TIE = 1e-9
 """Joint actions whose values differ by less than this are equally good."""
@@ -41,20 +49,21 @@ class OptimalExperts:
         for step in range(game.horizon, -1, -1):
             values[step] = self._q(values[step + 1], np.arange(game.n_states)).max(axis=1)
             if step >= game.deadline:
-                values[step, ~game.goal] = -np.inf
+                values[step, ~game.goal] -= game.violation_cost
         return values
 
     def log_probabilities(self, step: int, states: Indices) -> Array:
         """Uniform over the best joint actions of each state, shape (M, A); -inf for all others."""
         q = self._q(self.values[step + 1], states)
-        best = (q >= self.values[step][states][:, None] - TIE) & np.isfinite(q)
+        most = self.values[step][states] if self.game.transitions.deterministic else q.max(axis=1)
+        best = (q >= most[:, None] - TIE) & np.isfinite(q)
         count = np.maximum(best.sum(axis=1, keepdims=True), 1)
         return np.where(best, -np.log(count), -np.inf)
 
     def _q(self, next_values: NDArray[np.float64], states: Indices) -> Array:
         game = self.game
-        q = game.task_reward[states] + next_values[game.successor[states]]
-        return np.where(game.violation[states], -np.inf, q)
+        q = game.task_reward[states] + game.transitions.expected(next_values, states)
+        return np.where(game.violation[states], q - game.violation_cost, q)
 
 
 @dataclass(frozen=True)
@@ -65,7 +74,12 @@ class SoftExperts:
 
     @cached_property
     def _policy(self) -> SoftBellmanPolicy:
-        return maximum_entropy_policy(self.game, self.game.violation)
+        game = self.game
+        if game.transitions.deterministic:
+            return maximum_entropy_policy(game, game.violation)
+        reward = np.where(game.violation, game.task_reward - game.violation_cost, game.task_reward)
+        values = soft_value_iteration(game, reward, 1.0, game.deadline, game.violation_cost)
+        return SoftBellmanPolicy(game, reward, values, 1.0)
 
     @property
     def values(self) -> Array:
@@ -74,7 +88,10 @@ class SoftExperts:
 
     def log_probabilities(self, step: int, states: Indices) -> Array:
         """log pi_t(a | s), shape (M, A); -inf throughout where no clean way to the goal is left."""
-        return self._policy.log_probabilities(step, states)
+        logs = self._policy.log_probabilities(step, states)
+        if self.game.transitions.deterministic:
+            return logs
+        return np.asarray(logs - log_sum_exp(logs)[:, None])  # late states are worth less than their actions
 
 
 TabularExpertPolicy = OptimalExperts | SoftExperts

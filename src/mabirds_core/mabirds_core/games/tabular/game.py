@@ -10,10 +10,11 @@ import numpy as np
 
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Vector
-from mabirds_core.games.interface import TabularGame, Trajectories
+from mabirds_core.games.interface import TabularGame, Trajectories, Transitions
 from mabirds_core.games.tabular.constraint_test import NeutralGame
 from mabirds_core.games.tabular.experts import KINDS, TabularExperts
 from mabirds_core.games.tabular.judge import ExactJudge
+from mabirds_core.games.tabular.transitions import Deterministic
 from mabirds_core.games.whole_game import Experts, Learned
 from mabirds_core.planners.interface import OccupancyEstimator
 from mabirds_core.planners.occupancy import ExactOccupancy, SampledOccupancy
@@ -25,7 +26,17 @@ class EnumerableGame:
     """Base of tabular games: ``games.whole_game.Game`` for whatever implements ``interface.TabularGame``."""
 
     expectations = ("exact", "sampled")
-    expert_kinds = tuple(KINDS)
+    violation_cost = float("inf")
+
+    @property
+    def expert_kinds(self) -> tuple[str, ...]:
+        """Optimal ones and those of maximum entropy."""
+        return tuple(KINDS)
+
+    @property
+    def transitions(self: TabularGame) -> Transitions:
+        """Every pair leads to its successor."""
+        return Deterministic(self.successor)
 
     @property
     def judge(self: NeutralGame) -> ExactJudge:

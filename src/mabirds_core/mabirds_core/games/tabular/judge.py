@@ -25,8 +25,10 @@ class ExactJudge:
         """Iterations to judge: all, as each takes milliseconds."""
         return list(range(1, count + 1))
 
-    def imitation(self, policy: TabularPolicy, seed: int, rollouts: int | None = None) -> ImitationMetrics:  # noqa: ARG002 - nothing is drawn
-        """CVR and SR of a policy, exactly."""
+    def imitation(self, policy: TabularPolicy, seed: int, rollouts: int | None = None) -> ImitationMetrics | None:  # noqa: ARG002 - nothing is drawn
+        """CVR and SR of a policy, exactly; None where nobody knows the true constraints."""
+        if self.game.true_constraints is None:
+            return None
         return exact_imitation(self.game, policy)
 
     def distance(self, policies: Sequence[TabularPolicy], seed: int, rollouts: int | None = None) -> float:  # noqa: ARG002 - nothing is drawn

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mabirds_core.games.interface import TabularGame
+from mabirds_core.games.truth import known_constraints
 from mabirds_core.games.whole_game import Learned
 
 MAX_SHOWN = 20
@@ -17,7 +18,7 @@ MAX_SHOWN = 20
 
 
 def costs_figure(game: TabularGame, learned: Mapping[str, Learned], threshold: float) -> Figure:
-    """Draw the learned costs -omega of the dearest features, true constraints in red.
+    """Draw the learned costs -omega of the dearest features, true constraints in red where they are known.
 
     Parameters
     ----------
@@ -33,7 +34,8 @@ def costs_figure(game: TabularGame, learned: Mapping[str, Learned], threshold: f
     Figure
         In one row.
     """
-    names, truth = np.array(game.cost_features.names), game.true_constraints
+    names, known = np.array(game.cost_features.names), game.true_constraints is not None
+    truth = known_constraints(game) if known else np.zeros(len(names), dtype=np.bool_)
     shown = min(MAX_SHOWN, len(names))
     size = (4.5 * len(learned), 0.25 * shown + 1.2)
     figure, axes = plt.subplots(1, len(learned), figsize=size, squeeze=False, layout="constrained")
@@ -44,5 +46,5 @@ def costs_figure(game: TabularGame, learned: Mapping[str, Learned], threshold: f
         axis.tick_params(labelsize=7)
         axis.set_title(name, fontsize=9)
         axis.set_xlabel("learned cost [reward]")
-    figure.suptitle("dearest features; true constraints in red", fontsize=10)
+    figure.suptitle("dearest features" + ("; true constraints in red" if known else ""), fontsize=10)
     return figure
