@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
-from mabirds_msgs.msg import Constraints, EdgeSchedule, LearnerStatus, Membership
+from mabirds_msgs.msg import Constraints, EdgeSchedule, FeatureNames, LearnerStatus, Membership
 from mabirds_msgs.msg import Parameters as ParametersMessage
 from mabirds_msgs.srv import FetchParameters
 from rclpy.client import Client
@@ -104,6 +104,7 @@ class MonitorNode(NetworkNode):
             (LearnerStatus, topics.STATUS, latched(DEPTH), self._on_status, None),
             (Constraints, topics.CONSTRAINTS, STATUS_QOS, self._on_constraints, None),
             (EdgeSchedule, topics.EDGE_SCHEDULE, STATUS_QOS, self._on_schedule, None),
+            (FeatureNames, topics.FEATURE_NAMES, STATUS_QOS, self._on_feature_names, None),
         ):
             self.create_subscription(
                 message_type, f"{name}/{topic}", partial(receive, name), qos, event_callbacks=events
@@ -216,6 +217,14 @@ class MonitorNode(NetworkNode):
             self._drop(f"{topics.CONSTRAINTS} of {name}", error)
             return
         self._record(name, topics.CONSTRAINTS, message, nanoseconds(message.stamp))
+
+    def _on_feature_names(self, name: str, message: FeatureNames) -> None:
+        try:
+            self._admission.feature_names(name, message)
+        except RefusedMessageError as error:
+            self._drop(f"{topics.FEATURE_NAMES} of {name}", error)
+            return
+        self._record(name, topics.FEATURE_NAMES, message, nanoseconds(message.stamp))
 
     def _on_schedule(self, name: str, message: EdgeSchedule) -> None:
         try:

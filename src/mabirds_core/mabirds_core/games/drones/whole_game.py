@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from functools import cached_property
 from typing import Any
 
 from mabirds_core.arrays import Vector
@@ -14,6 +15,7 @@ from mabirds_core.games.drones.planner_checks import fits, spacing_of, suits_lat
 from mabirds_core.games.drones.planner_settings import LatticeSettings, SoftActorCriticSettings
 from mabirds_core.games.drones.rewards import DroneRewardModel, LinearDroneReward, NeuralDroneReward, TrueDroneReward
 from mabirds_core.games.drones.rollouts import SampledDroneOccupancy
+from mabirds_core.games.drones.scene import DroneScene
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.games.whole_game import Experts, Learned
 from mabirds_core.planners.interface import Planner
@@ -31,6 +33,11 @@ class WholeDroneGame(DroneGame):
 
     expectations = ("sampled",)
     expert_kinds = ("pilots",)
+
+    @cached_property
+    def scene(self) -> DroneScene:
+        """The arena from above."""
+        return DroneScene(self)
 
     @property
     def judge(self) -> RolloutJudge:
