@@ -11,13 +11,15 @@ from harness import NODES, few, sent_to
 from hypothesis import given
 from hypothesis import strategies as st
 from junk import made_up, spoil, spoiled
-from mabirds_msgs.msg import Constraints, EdgeSchedule, LearnerStatus
+from mabirds_msgs.msg import Constraints, EdgeSchedule, FeatureNames, LearnerStatus
 from mabirds_msgs.msg import Parameters as ParametersMessage
 from truth import Truth, bits
 
 from mabirds_bringup.commands.inspect import _status_line
 from mabirds_bringup.evaluate.results import audit
-from mabirds_bringup.watch.inspector import InspectorNode, describe
+from mabirds_bringup.watch.described import describe
+from mabirds_bringup.watch.edges import edge_states
+from mabirds_bringup.watch.inspector import InspectorNode
 from mabirds_bringup.watch.live_table import plain_line
 from mabirds_bringup.watch.monitor import MonitorNode
 from mabirds_core.texts import sanitize
@@ -164,9 +166,8 @@ def test_a_schedule_of_somebody_else_is_not_recorded(truth: Truth, monitor: Moni
 def test_an_inspector_shows_messages_of_any_content(truth: Truth, nodes: Any, count: int) -> None:
     """As JSON that every reader takes, and in lines that fit and steer no terminal."""
     inspector = nodes.add(InspectorNode(context=nodes.context))
-    inspector._watch("/learner_1")
+    inspector.watch("/learner_1")
     learner = inspector.learners["/learner_1"]
-    learner.feature_names = ("only one",)
 
     @few(count * 10)
     @given(
@@ -174,15 +175,23 @@ def test_an_inspector_shows_messages_of_any_content(truth: Truth, nodes: Any, co
         st.one_of(spoiled(lambda: truth.status("learner_1", iteration=3)), made_up(LearnerStatus)),
         st.one_of(spoiled(truth.schedule), made_up(EdgeSchedule)),
         st.one_of(spoiled(lambda: truth.constraints("learner_1")), made_up(Constraints)),
+        made_up(FeatureNames),
     )
     def check(
-        parameters: ParametersMessage, status: LearnerStatus, schedule: EdgeSchedule, constraints: Constraints
+        parameters: ParametersMessage,
+        status: LearnerStatus,
+        schedule: EdgeSchedule,
+        constraints: Constraints,
+        names: FeatureNames,
     ) -> None:
         sent_to(inspector, "/learner_1/parameters", parameters)
         sent_to(inspector, "/learner_1/status", status)
         sent_to(inspector, "/learner_1/edge_schedule", schedule)
         sent_to(inspector, "/learner_1/constraints", constraints)
+        sent_to(inspector, "/learner_1/feature_names", names)
         content = describe(learner, top=3)
+        edges = learner.edges
+        assert edges is None or set(edge_states(edges, {"learner_1": learner.status})) == set(edges.all_edges)
         assert json.dumps(content, allow_nan=False)
         for line in (_status_line(content), constraints_text(learner.constraints or Constraints(), 3)):
             text = sanitize(line, 1000)
@@ -195,7 +204,7 @@ def test_an_inspector_shows_messages_of_any_content(truth: Truth, nodes: Any, co
 
 def test_what_cannot_be_shown_is_counted(truth: Truth, nodes: Any) -> None:
     inspector = nodes.add(InspectorNode(context=nodes.context))
-    inspector._watch("/learner_1")
+    inspector.watch("/learner_1")
     sent_to(inspector, "/learner_1/parameters", spoil(truth.parameters("learner_1", 1), omega=[math.nan]))
     sent_to(inspector, "/learner_1/parameters", spoil(truth.parameters("learner_1", 1), omega=[1e200]))
     sent_to(inspector, "/learner_1/edge_schedule", spoil(truth.schedule(), learners=["intruder", "other"]))

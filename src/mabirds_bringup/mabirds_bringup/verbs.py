@@ -45,15 +45,13 @@ VERBS = {
     "record": Verb("record", "Record the experts of an experiment to a rosbag2 MCAP bag, one topic per learner."),
     "inspect": Verb(
         "inspect",
-        "Show the learners of this ROS domain: one line per parameter message and per change of status.",
+        "Show the learners and players of this ROS domain.",
     ),
     "draw": Verb(
         "draw",
         "Publish what learners say as grids, markers, paths and numbers that RViz, Foxglove, PlotJuggler and Nav2 take.",
     ),
-    "picture": Verb(
-        "draw", "Draw the grids, markers and paths of this ROS domain, from whomever they are, to a PNG."
-    ),
+    "picture": Verb("draw", "Draw the grids, markers and paths of this ROS domain, from whomever they are, to a PNG."),
     "members": Verb(
         "members", "Declare the members of a running network: whom it is to go on without, or who joins it."
     ),

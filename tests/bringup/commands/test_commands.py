@@ -262,6 +262,7 @@ def test_inspect_once_shows_every_learner(file: Path, tmp_path: Path) -> None:
     for learner in content["learners"].values():
         assert learner["state"] == "waits for a demonstration"
         assert learner["parameters"]["iteration"] == 1
+        assert learner["iterations_per_second"] in {None, 0.0}
         assert [one["feature"] for one in learner["parameters"]["costliest"]] == [
             "expert_1 in (0, 0)",
             "expert_1 in (0, 1)",

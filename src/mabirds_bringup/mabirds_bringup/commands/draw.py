@@ -38,10 +38,14 @@ def draw(
     experiment = load_experiment(file)
     os.nice(NICE)
     create = partial(DrawingNode, experiment, frame, rate, demonstrations=demonstrations)
-    with guarded_output(), ending_as_interrupted(), suppress(KeyboardInterrupt):
-        with looking(create, "/drawing") as (_, executor):
-            console.print(f"drawing {experiment.name} below */drawn; Ctrl-C ends")
-            executor.spin()
+    with (
+        guarded_output(),
+        ending_as_interrupted(),
+        suppress(KeyboardInterrupt),
+        looking(create, "/drawing") as (_, executor),
+    ):
+        console.print(f"drawing {experiment.name} below */drawn; Ctrl-C ends")
+        executor.spin()
     return exit_codes.FINISHED
 
 
@@ -62,7 +66,7 @@ def picture(
             executor.spin_once(timeout_sec=0.1)
         drawn = dict(node.drawn)
     if not drawn:
-        console.print("nothing drawn is published here; start `mabirds draw`, and compare ROS_DOMAIN_ID", soft_wrap=True)
+        console.print("nothing drawn is published here; start `mabirds draw`, compare ROS_DOMAIN_ID", soft_wrap=True)
         return exit_codes.NOBODY_THERE
     figure_of(drawn).savefig(file, dpi=110)
     console.print(f"{file}: {len(drawn)} topics", soft_wrap=True)

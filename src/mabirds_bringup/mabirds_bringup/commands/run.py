@@ -22,7 +22,7 @@ from mabirds_bringup.run.certificate import certify
 from mabirds_bringup.run.network import PLAYER, HostMovedError, Network, NetworkResult
 from mabirds_bringup.run.stored_run import NETWORK, RunPlan, StoredRun, begin, find_run, load_run, locked
 from mabirds_bringup.run.supervisor import Supervisor
-from mabirds_bringup.watch.live_table import live_table, plain_line
+from mabirds_bringup.watch.live_table import Pace, live_table, plain_line
 from mabirds_bringup.watch.monitor import MonitorNode
 from mabirds_core.errors import ExperimentError, MabirdsError
 from mabirds_core.experiment.file import Experiment, load_experiment
@@ -187,7 +187,7 @@ class _Display:
     def __init__(self, experiment: Experiment, network: Network) -> None:
         self._experiment, self._started = experiment, network.only or (*network.names, "the expert player")
         self._live = Live(console=console, refresh_per_second=4, transient=True) if console.is_terminal else None
-        self._last = time.monotonic()
+        self._last, self._pace, self._printed = time.monotonic(), Pace(), ""
 
     def __enter__(self) -> Self:
         console.print(f"starting {', '.join(self._started)}", soft_wrap=True)
@@ -207,7 +207,9 @@ class _Display:
         if time.monotonic() - self._last < period:
             return
         self._last = time.monotonic()
+        self._pace.note(monitor)
         if self._live:
-            self._live.update(live_table(self._experiment, monitor))
-        else:
-            console.print(plain_line(self._experiment, monitor), soft_wrap=True)
+            self._live.update(live_table(self._experiment, monitor, self._pace))
+        elif (line := plain_line(self._experiment, monitor)) != self._printed:
+            self._printed = line
+            console.print(line, soft_wrap=True)

@@ -46,15 +46,15 @@ class LearnerArtist:
         Of the game.
     """
 
-    def __init__(
-        self, node: Node, learner: WatchedLearner, experiment: Experiment, game: Game, scene: Scene
-    ) -> None:
+    def __init__(self, node: Node, learner: WatchedLearner, experiment: Experiment, game: Game, scene: Scene) -> None:
         self._node, self.learner, self._experiment = node, learner, experiment
         self._game, self._scene = game, scene
         self.changed = set[str]()
         self._of_name = evaluation_policy(experiment, learner.name, game)
         self._plan_after = 0.0
-        self._markers = node.create_publisher(MarkerArray, names.of_learner(learner.namespace, names.MARKERS), STATUS_QOS)
+        self._markers = node.create_publisher(
+            MarkerArray, names.of_learner(learner.namespace, names.MARKERS), STATUS_QOS
+        )
         self._grids = {kind: self._for_experts(OccupancyGrid, kind) for kind in (names.COSTS, names.KEEPOUT)}
         self._paths = {names.IMAGINED: self._for_experts(Path, names.IMAGINED)}
         self._scalars = ScalarTopics(node, names.of_learner(learner.namespace, names.SCALARS))

@@ -110,7 +110,9 @@ def scene_markers(header: Header, scene: Scene) -> MarkerArray:
         drawn += [
             messages.marker(header, "experts", Marker.SPHERE, (*start, size / 2), (size,) * 3, colour),
             messages.label(header, "names", (*start, 1.6 * size), name, 0.7 * size, colour),
-            messages.marker(header, "goals", Marker.CYLINDER, (*goal, 0.0), (1.4 * size, 1.4 * size, 0.05), colour, 0.6),
+            messages.marker(
+                header, "goals", Marker.CYLINDER, (*goal, 0.0), (1.4 * size, 1.4 * size, 0.05), colour, 0.6
+            ),
             messages.label(header, "names", (*goal, 0.8 * size), f"goal {expert + 1}", 0.7 * size, colour),
         ]
     return MarkerArray(markers=messages.numbered(drawn, header))
@@ -121,7 +123,9 @@ def network_markers(
 ) -> MarkerArray:
     """Learners on a circle to the right of the map, an arrow for each edge in the colour of its state."""
     places, size = circle(len(learners), raster), 0.5 * marker_size(raster)
-    drawn = [messages.marker(header, "learners", Marker.SPHERE, (*place, 0.0), (size,) * 3, LEARNER) for place in places]
+    drawn = [
+        messages.marker(header, "learners", Marker.SPHERE, (*place, 0.0), (size,) * 3, LEARNER) for place in places
+    ]
     drawn += [
         messages.label(header, "names", (*place, size), name, 0.8 * size, TEXT)
         for name, place in zip(learners, places, strict=True)

@@ -129,10 +129,11 @@ class Policy:
         """Who watches the network, and in resilient mode declares its members."""
         declared = [self._of(topics.MEMBERSHIP)] if self._has_members else []
         missed = self._each(self._learning, topics.FETCH_PARAMETERS)
-        yield _access("/", "monitor", publish=declared, subscribe=[*self._watched(), *declared], request=missed)
         called = [self._of(PLAYER, service) for service in player_services.PLAYER_SERVICES]
         heard = [self._of(PLAYER, player_services.STATUS)]
-        yield _access("/", "inspector", subscribe=[*self._watched(), *heard])
+        watched = [*self._watched(), *heard]
+        yield _access("/", "monitor", publish=declared, subscribe=[*watched, *declared], request=missed)
+        yield _access("/", "inspector", subscribe=watched)
         yield _access(self.fleet, "player_client", subscribe=heard, request=called)
         if self._has_members:
             heard = self._each(self._learning, topics.STATUS)

@@ -40,7 +40,7 @@ class PatrolScene:
         """Means of the start cells, by their probabilities."""
         game = self._game
         places = self._places(game.cells(np.arange(game.n_states)))
-        return np.einsum("s,esx->ex", game.initial_distribution, places)
+        return np.asarray(np.einsum("s,esx->ex", game.initial_distribution, places))
 
     @property
     def forbidden(self) -> Mask:
@@ -62,9 +62,7 @@ class PatrolScene:
         game = self._game
         places = self._places(np.arange(game.n_cells))
         names = iter(game.cost_features.names)
-        return {
-            next(names): Spot(expert, float(x), float(y)) for expert in range(game.n_experts) for x, y in places
-        }
+        return {next(names): Spot(expert, float(x), float(y)) for expert in range(game.n_experts) for x, y in places}
 
     def rollouts(self, policy: Any, count: int, rng: np.random.Generator) -> Trajectories:
         """Draw from the policy."""
