@@ -49,7 +49,7 @@ VERBS = {
     ),
     "draw": Verb(
         "draw",
-        "Publish what learners say as grids, markers, paths and numbers that RViz, Foxglove, PlotJuggler and Nav2 take.",
+        "Publish what learners say as grids, markers, paths and numbers for RViz, Foxglove, PlotJuggler and Nav2.",
     ),
     "picture": Verb("draw", "Draw the grids, markers and paths of this ROS domain, from whomever they are, to a PNG."),
     "members": Verb(

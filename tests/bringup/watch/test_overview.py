@@ -65,7 +65,14 @@ def test_the_view_tells_of_player_learners_edges_and_distances(node: Any) -> Non
     text = " ".join(" ".join(shown).split())
     assert max(map(len, shown)) <= 60
     assert "player expert_player: paused 10x, 19/80 sent, 3s left" in text
-    assert next(line for line in shown if line.startswith("learner_1 ")).split()[2:6] == ["9/40", "2", "16s", "0"]
+    assert next(line for line in shown if line.startswith("learner_1 ")).split()[1:7] == [
+        "no",
+        "demo",
+        "9/40",
+        "2",
+        "16s",
+        "0",
+    ]
     assert "learner_1 waits for learner_2 (iteration 10)" in text
     assert "learner_2: learner_1 is back" in text
     assert "learner_2→learner_1 late" not in text  # slot 2 of iteration 10 has no edge: what is waited for is a lie

@@ -27,7 +27,7 @@ def draw(
         bool, typer.Option("--demonstrations", help="Hear and draw the learners' demonstrations, too.")
     ] = False,
 ) -> int:
-    """Publish what learners say as grids, markers, paths and numbers that RViz, Foxglove, PlotJuggler and Nav2 take.
+    """Publish what learners say as grids, markers, paths and numbers for RViz, Foxglove, PlotJuggler and Nav2.
 
     It runs beside the network, until Ctrl-C.
 

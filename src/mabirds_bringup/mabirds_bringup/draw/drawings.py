@@ -146,7 +146,7 @@ def circle(count: int, raster: Raster) -> Array:
 
 
 def arrow_ends(begin: Array, end: Array, size: float) -> Array:
-    """From the rim of one sphere to that of the other, a little to the right, so that there is room for the way back."""
+    """From the rim of one sphere to that of the other, a little to the right: there is room for the way back."""
     along = (end - begin) / np.linalg.norm(end - begin)
     aside = 0.25 * size * np.array([along[1], -along[0]])
     return np.stack([begin + 0.6 * size * along, end - 0.6 * size * along]) + aside

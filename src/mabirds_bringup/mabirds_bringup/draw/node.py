@@ -24,8 +24,8 @@ from mabirds_msgs_py.qos import STATUS_QOS
 class DrawingNode(InspectorNode):
     """Draws the learners of an experiment.
 
-    ``frame``: of all that is drawn, its origin the lower left corner of the game. ``rate``: drawings per second; numbers
-    are published with every status. ``demonstrations``: draw those, too.
+    ``frame``: of all that is drawn, its origin the lower left corner of the game. ``rate``: drawings per second;
+    numbers are published with every status. ``demonstrations``: draw those, too.
     Raises ExperimentError where the game has no look.
     """
 

@@ -82,9 +82,10 @@ def _draw_panel(axis: Axes, topic: str, layers: list[Any]) -> None:
 def _make_square(axis: Axes) -> None:
     """As wide as high, with room for names at the rim."""
     axis.autoscale_view()
-    middles, halves = zip(*(((low + high) / 2, (high - low) / 2) for low, high in (axis.get_xlim(), axis.get_ylim())))
-    half = 1.15 * max(halves)
-    axis.set(xlim=(middles[0] - half, middles[0] + half), ylim=(middles[1] - half, middles[1] + half))
+    limits = np.array([axis.get_xlim(), axis.get_ylim()])
+    half = 1.15 * np.ptp(limits, axis=1).max() / 2
+    (left, right), (bottom, top) = limits.mean(axis=1, keepdims=True) + np.array([-half, half])
+    axis.set(xlim=(left, right), ylim=(bottom, top))
 
 
 def _draw_grid(axis: Axes, grid: OccupancyGrid, *, faint: bool) -> None:

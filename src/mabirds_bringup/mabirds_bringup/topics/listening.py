@@ -72,8 +72,8 @@ class Listening:
         if not self.spin_until(found):
             near = ", ".join(sorted(known)[:8])
             raise NothingHeardError(
-                f"topic {truncate(topic)}: nobody publishes it; there is {near or 'nothing'}. Start the nodes, or compare"
-                " ROS_DOMAIN_ID"
+                f"topic {truncate(topic)}: nobody publishes it; there is {near or 'nothing'}. Start the nodes, or"
+                " compare ROS_DOMAIN_ID"
             )
         return known[topic][0]
 

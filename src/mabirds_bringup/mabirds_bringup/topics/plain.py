@@ -77,12 +77,10 @@ def field_of(content: Any, field: str) -> Any:
 
 def flat(content: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Every value that has no parts, with its path."""
-    parts = (
-        content.items() if isinstance(content, Mapping) else enumerate(content) if isinstance(content, list) else None
-    )
-    if parts is None:
+    if not isinstance(content, Mapping | list):
         yield prefix, content
-    for name, value in parts or ():
+        return
+    for name, value in content.items() if isinstance(content, Mapping) else enumerate(content):
         yield from flat(value, f"{prefix}.{name}" if prefix else str(name))
 
 
