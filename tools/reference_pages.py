@@ -67,7 +67,7 @@ def commands_page() -> str:
 
 def _commands(path: str, command: Any) -> Iterator[tuple[str, Any]]:
     verbs = getattr(command, "commands", None)
-    if verbs is None:
+    if verbs is None or getattr(command, "invoke_without_command", False):
         yield path, command
     for name, verb in (verbs or {}).items():
         yield from _commands(f"{path} {name}", verb)

@@ -65,7 +65,8 @@ def test_the_view_tells_of_player_learners_edges_and_distances(node: Any) -> Non
     text = " ".join(" ".join(shown).split())
     assert max(map(len, shown)) <= 60
     assert "player expert_player: paused 10x, 19/80 sent, 3s left" in text
-    assert next(line for line in shown if line.startswith("learner_1 ")).split()[1:7] == [
+    row = next(line for line in shown if line.startswith("learner_1 "))
+    assert row.split()[1:7] == [
         "no",
         "demo",
         "9/40",

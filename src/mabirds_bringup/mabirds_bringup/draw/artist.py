@@ -1,10 +1,7 @@
 """Publishes what is drawn of one learner: grids, markers, paths and numbers."""
 
-import time
 from collections.abc import Callable
-from typing import Any
 
-import numpy as np
 from mabirds_msgs.msg import Demonstration
 from nav_msgs.msg import OccupancyGrid, Path
 from rclpy.node import Node
@@ -13,20 +10,17 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
 from mabirds_bringup.draw import drawings, messages, names
+from mabirds_bringup.draw.imagined import Imagination
 from mabirds_bringup.draw.scalars import ScalarTopics, scalars_of
 from mabirds_bringup.watch.inspector import WatchedLearner
-from mabirds_core.algorithm.parameters import Parameters
+from mabirds_core.arrays import Array
 from mabirds_core.errors import RefusedMessageError
-from mabirds_core.experiment.assembly import evaluation_policy
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.games.scene import Scene
 from mabirds_core.games.whole_game import Game
 from mabirds_msgs_py import topics
 from mabirds_msgs_py.conversion import arrays, read_demonstration
 from mabirds_msgs_py.qos import STATUS_QOS
-
-SHARE = 0.1
-"""Of the time that may go into finding policies: they are for people to look at."""
 
 
 class LearnerArtist:
@@ -50,8 +44,7 @@ class LearnerArtist:
         self._node, self.learner, self._experiment = node, learner, experiment
         self._game, self._scene = game, scene
         self.changed = set[str]()
-        self._of_name = evaluation_policy(experiment, learner.name, game)
-        self._plan_after = 0.0
+        self._imagination = Imagination(experiment, learner.name, game, scene)
         self._markers = node.create_publisher(
             MarkerArray, names.of_learner(learner.namespace, names.MARKERS), STATUS_QOS
         )
@@ -98,18 +91,12 @@ class LearnerArtist:
 
     def _draw_imagined(self, header: Header) -> bool:
         """Follow the policy that theta and omega mean, if there is time for it; tells whether there was."""
-        begun = time.monotonic()
-        if begun < self._plan_after:
-            return False
-        policy = self._of_name(Parameters(*arrays(self.learner.parameters)))
-        rng = np.random.default_rng(self._experiment.seed)
-        self._publish_paths(names.IMAGINED, header, self._scene.rollouts(policy, 1, rng))
-        ended = time.monotonic()
-        self._plan_after = ended + (ended - begun) / SHARE
-        return True
+        places = self._imagination.places(arrays(self.learner.parameters))
+        if places is not None:
+            self._publish_paths(names.IMAGINED, header, places[0])
+        return places is not None
 
-    def _publish_paths(self, kind: str, header: Header, trajectory: Any) -> None:
-        places = self._scene.positions(trajectory)[0]
+    def _publish_paths(self, kind: str, header: Header, places: Array) -> None:
         for expert, publisher in enumerate(self._paths[kind]):
             publisher.publish(messages.path(header, places[:, expert]))
 
@@ -124,7 +111,7 @@ class LearnerArtist:
             except RefusedMessageError as error:
                 self.learner.refused[error.reason] += 1
                 return
-            self._publish_paths(names.DEMONSTRATED, header_of(), trajectory)
+            self._publish_paths(names.DEMONSTRATED, header_of(), self._scene.positions(trajectory)[0])
 
         topic = f"{self.learner.namespace}/{topics.DEMONSTRATION}"
         self._node.create_subscription(Demonstration, topic, on_demonstration, STATUS_QOS)

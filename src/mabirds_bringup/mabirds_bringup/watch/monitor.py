@@ -56,7 +56,8 @@ class MonitorNode(NetworkNode):
 
     ``names``: who learns, where it is not the experiment's learners. ``directory``: of the files of ``kept``, which a
     run that goes on begins with; None: of no use afterwards. ``parameters[name][n]``, ``statuses[name]``; ``player``:
-    its newest status; ``presence``: whose process is gone. ``lost``: by name, iterations that were missed and that nobody keeps any more.
+    its newest status; ``presence``: whose process is gone. ``lost``: by name, iterations that were missed and that
+    nobody keeps any more.
     ``key``: of its declarations.
     Messages of other runs, and what no learner of the experiment can say, are neither shown nor recorded; ``drops``
     counts them by reason, and ``refusals`` says why, of the newest for each reason.
