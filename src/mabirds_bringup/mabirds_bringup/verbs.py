@@ -47,6 +47,10 @@ VERBS = {
         "inspect",
         "Show the learners and players of this ROS domain.",
     ),
+    "dashboard": Verb(
+        "dashboard",
+        "Serve a live page of a running network, until Ctrl-C: graph, curves, maps, and the player's controls.",
+    ),
     "draw": Verb(
         "draw",
         "Publish what learners say as grids, markers, paths and numbers for RViz, Foxglove, PlotJuggler and Nav2.",

@@ -1,6 +1,6 @@
 """What `mabirds inspect` shows in a terminal: players, learners, edges, distances, costs. It fits 60 columns."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from rich.columns import Columns
@@ -136,9 +136,14 @@ def edge_line(learners: list[WatchedLearner]) -> Text:
 
 def consensus_line(consensus: Consensus | None, learners: list[WatchedLearner]) -> str:
     """How far learners are apart, relative to how large their parameters are."""
+    return consensus_words(consensus, [describe(learner, 0) for learner in learners])
+
+
+def consensus_words(consensus: Consensus | None, contents: Sequence[Mapping[str, Any]]) -> str:
+    """The same of learners that are described already."""
     if consensus is None:
         return ""
-    norms = [content["parameters"] for learner in learners if "parameters" in (content := describe(learner, 0))]
+    norms = [content["parameters"] for content in contents if "parameters" in content]
     words = []
     for part, distance in (("theta", consensus.theta), ("omega", consensus.omega)):
         largest = max((of_one[f"{part}_norm"] for of_one in norms), default=0.0)
