@@ -167,8 +167,10 @@ def test_the_report_shows_its_numbers(tmp_path: Path) -> None:
         "complete": True,
         "missing": [],
     }
-    write_report(tmp_path, summary, ["map.png"])
+    (tmp_path / "map.png").write_bytes(b"a picture")
+    write_report(tmp_path, summary, {"map.png": "a map"})
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "![a map](map.png)" in (tmp_path / "report.md").read_text(encoding="utf-8")
     for text in (
         "&lt;patrol&gt;",
         "<td>40</td>",
@@ -180,7 +182,9 @@ def test_the_report_shows_its_numbers(tmp_path: Path) -> None:
         "4 features undetermined",
         "confidence 0.95",
         "of 1000 rollouts",
-        "map.png",
+        "data:image/png;base64,YSBwaWN0dXJl",
+        "reach their goals and keep every true constraint in 99.8 % of trials",
+        "That was not always so: within the last 15 judged iterations success fell to 91.0 %.",
         "0.00 (uniform), 8.50 (straight flight)",
         "<td>fine lattice</td><td>0.125</td>",
         "<td>0.875</td><td>12.50</td>",

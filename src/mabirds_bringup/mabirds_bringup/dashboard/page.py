@@ -28,7 +28,8 @@ STYLE = """
 .nicegui-content { padding: .75rem; }
 .map { width: min(300px, 84vw); } .map svg, .graph svg { width: 100%; height: auto; border: 1px solid #bbb; }
 .graph svg { border: 0; } .graph { width: min(320px, 84vw); } .curve { width: min(420px, 84vw); height: 240px; }
-.table { overflow-x: auto; max-width: 100%; display: block; } td, th { padding: .15rem .6rem; text-align: right; white-space: nowrap; }
+.table { overflow-x: auto; max-width: 100%; display: block; }
+td, th { padding: .15rem .6rem; text-align: right; white-space: nowrap; }
 td:first-child, th:first-child { text-align: left; } body { background: #f5f5f5; }
 """
 
