@@ -1,8 +1,7 @@
 """``mabirds draw`` and ``mabirds picture``: topics that stock tools draw, and what they hold as PNG."""
 
-import os
 import time
-from contextlib import suppress
+from contextlib import closing, suppress
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -12,11 +11,8 @@ import typer
 from mabirds_bringup import exit_codes
 from mabirds_bringup.commands.options import ExperimentFile
 from mabirds_bringup.console import console, ending_as_interrupted, guarded_output
-from mabirds_bringup.watch.spinning import looking
+from mabirds_bringup.watch.spinning import Glances, looking, step_back
 from mabirds_core.experiment.file import load_experiment
-
-NICE = 10
-"""By how much learners go before drawings."""
 
 
 def draw(
@@ -36,16 +32,18 @@ def draw(
     from mabirds_bringup.draw.node import DrawingNode
 
     experiment = load_experiment(file)
-    os.nice(NICE)
+    step_back()
     create = partial(DrawingNode, experiment, frame, rate, demonstrations=demonstrations)
     with (
         guarded_output(),
         ending_as_interrupted(),
         suppress(KeyboardInterrupt),
-        looking(create, "/drawing") as (_, executor),
+        looking(create, "/drawing") as (node, executor),
+        closing(Glances(node, executor)) as glances,
     ):
         console.print(f"drawing {experiment.name} below */drawn; Ctrl-C ends")
-        executor.spin()
+        while True:
+            glances.glance()
     return exit_codes.FINISHED
 
 

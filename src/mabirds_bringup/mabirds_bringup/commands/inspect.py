@@ -1,7 +1,7 @@
 """``mabirds inspect``: what the learners and players of this domain say. Data on standard output, talk on the other."""
 
 import time
-from contextlib import suppress
+from contextlib import closing, suppress
 from functools import partial
 from typing import Annotated, Any
 
@@ -20,7 +20,7 @@ from mabirds_bringup.watch.inspector import SEARCH_PERIOD, InspectorNode, Watche
 from mabirds_bringup.watch.overview import overview
 from mabirds_bringup.watch.player_view import content as player_content
 from mabirds_bringup.watch.recent import RecentParameters
-from mabirds_bringup.watch.spinning import looking
+from mabirds_bringup.watch.spinning import Glances, looking, step_back
 from mabirds_core.errors import ExperimentError
 from mabirds_core.texts import sanitize
 from mabirds_learner.learner_session import DEMONSTRATION
@@ -64,6 +64,7 @@ def inspect(
         return
     if as_json and not once:
         raise ExperimentError("--json prints one object and needs --once")
+    step_back()
     with suppress(BrokenPipeError), guarded_output() as stdout, ending_as_interrupted():
         if once:
             code = _inspect_once(top, timeout, stdout, as_json=as_json)
@@ -92,10 +93,10 @@ def _follow_in_a_table(screen: Console) -> None:
 
     with looking(lambda: InspectorNode(on_message), "/inspector") as (node, executor):
         node.create_timer(SEARCH_PERIOD, partial(_find_maps, node, maps))
-        with Live(console=screen, auto_refresh=False) as live:
-            shown = 0.0
+        glances, shown = Glances(node, executor), 0.0
+        with closing(glances), Live(console=screen, auto_refresh=False) as live:
             while True:
-                executor.spin_once(timeout_sec=0.1)
+                glances.glance()
                 if time.monotonic() - shown > 0.25:
                     shown = time.monotonic()
                     heard = {topic: grid for topic, grid in maps.items() if grid is not None}

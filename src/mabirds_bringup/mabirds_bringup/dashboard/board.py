@@ -4,6 +4,7 @@ import queue
 import threading
 import time
 from collections import defaultdict, deque
+from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,6 +16,7 @@ from mabirds_bringup.watch.described import describe
 from mabirds_bringup.watch.edges import EdgeState, edge_states
 from mabirds_bringup.watch.inspector import InspectorNode, WatchedLearner
 from mabirds_bringup.watch.recent import Consensus, RecentParameters
+from mabirds_bringup.watch.spinning import Glances
 from mabirds_core.arrays import Array
 from mabirds_core.consensus.weights import Edge
 from mabirds_core.experiment.assembly import build_game
@@ -72,7 +74,6 @@ class Board:
         self._paths: dict[str, Array] = {}
         self._node = InspectorNode(self._on_message)
         self._executor = SingleThreadedExecutor()
-        self._executor.add_node(self._node)
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
 
@@ -92,16 +93,14 @@ class Board:
         self._requests.put((service, fields))
 
     def _run(self) -> None:
-        shown = 0.0
-        while not self._stopping.is_set():
-            try:
-                self._executor.spin_once(timeout_sec=0.1)
-            except ExternalShutdownException:
-                return
-            self._call()
-            if time.monotonic() - shown > PERIOD:
-                shown = time.monotonic()
-                self.snapshot = self._look()
+        shown, glances = 0.0, Glances(self._node, self._executor)
+        with closing(glances), suppress(ExternalShutdownException):
+            while not self._stopping.is_set():
+                glances.glance()
+                self._call()
+                if time.monotonic() - shown > PERIOD:
+                    shown = time.monotonic()
+                    self.snapshot = self._look()
 
     def _call(self) -> None:
         """Send what was asked for, to the player that is heard."""

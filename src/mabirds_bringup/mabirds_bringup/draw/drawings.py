@@ -107,13 +107,14 @@ def scene_markers(header: Header, scene: Scene) -> MarkerArray:
     size, drawn = 0.5 * marker_size(scene.raster), []
     for expert, (start, goal) in enumerate(zip(scene.starts, scene.goals, strict=True)):
         colour, name = colour_of(expert), f"expert {expert + 1}"
+        below = (goal[0], goal[1] - 1.6 * size, size)
         drawn += [
             messages.marker(header, "experts", Marker.SPHERE, (*start, size / 2), (size,) * 3, colour),
-            messages.label(header, "names", (*start, 1.6 * size), name, 0.7 * size, colour),
+            messages.label(header, "names", (start[0], start[1] + 0.8 * size, size), name, 0.7 * size, colour),
             messages.marker(
                 header, "goals", Marker.CYLINDER, (*goal, 0.0), (1.4 * size, 1.4 * size, 0.05), colour, 0.6
             ),
-            messages.label(header, "names", (*goal, 0.8 * size), f"goal {expert + 1}", 0.7 * size, colour),
+            messages.label(header, "names", below, f"goal {expert + 1}", 0.7 * size, colour),
         ]
     return MarkerArray(markers=messages.numbered(drawn, header))
 
@@ -127,7 +128,7 @@ def network_markers(
         messages.marker(header, "learners", Marker.SPHERE, (*place, 0.0), (size,) * 3, LEARNER) for place in places
     ]
     drawn += [
-        messages.label(header, "names", (*place, size), name, 0.8 * size, TEXT)
+        messages.label(header, "names", (place[0], place[1] + 0.8 * size, size), name, 0.8 * size, TEXT)
         for name, place in zip(learners, places, strict=True)
     ]
     for (sender, receiver), state in states.items():

@@ -113,7 +113,7 @@ def _draw_marker(axis: Axes, marker: Marker) -> None:
     elif marker.type in {Marker.SPHERE, Marker.CYLINDER}:
         axis.add_patch(Circle((x, y), marker.scale.x / 2, **look))
     elif marker.type == Marker.TEXT_VIEW_FACING:
-        axis.text(x, y + marker.pose.position.z, sanitize(marker.text), ha="center", fontsize=7, **look)
+        axis.text(x, y, sanitize(marker.text), ha="center", fontsize=7, **look)
         axis.update_datalim([(x, y)])
     elif marker.type == Marker.ARROW:
         _draw_arrow(axis, np.array([(point.x, point.y) for point in marker.points]), look)

@@ -26,6 +26,9 @@ SEARCH_PERIOD = 0.2
 BURST, SILENCE = 0.5, 2.0
 """Seconds for which latched messages may keep coming, and of silence after which no more are to be expected."""
 
+NEWEST = 4
+"""Iterations of parameters that wait to be looked at: of two learners some are the same."""
+
 RATED = 50
 """Newest statuses of which the rate is told."""
 
@@ -145,7 +148,7 @@ class InspectorNode(NetworkNode):
         learner = self.learners[namespace] = WatchedLearner(namespace)
         for message_type, topic, name, qos in (
             (LearnerStatus, topics.STATUS, "status", STATUS_QOS),
-            (Parameters, topics.PARAMETERS, "parameters", latched(64)),
+            (Parameters, topics.PARAMETERS, "parameters", latched(NEWEST)),
             (EdgeSchedule, topics.EDGE_SCHEDULE, "schedule", STATUS_QOS),
             (Constraints, topics.CONSTRAINTS, "constraints", STATUS_QOS),
             (FeatureNames, topics.FEATURE_NAMES, "feature_names", STATUS_QOS),

@@ -75,7 +75,7 @@ def player_lines(node: InspectorNode) -> Iterator[str]:
 
 def learner_table(learners: list[WatchedLearner], totals: Mapping[str, int]) -> Table:
     """A row for each learner, in columns whose widths do not change with what is in them."""
-    table = Table(box=None, padding=(0, 1), pad_edge=False)
+    table = Table(box=None, padding=(0, 1, 0, 0), pad_edge=False)
     for column, width, side in (
         ("learner", 12, "left"),
         ("state", 8, "left"),
