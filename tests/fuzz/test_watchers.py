@@ -22,9 +22,12 @@ from mabirds_bringup.watch.edges import edge_states
 from mabirds_bringup.watch.inspector import InspectorNode
 from mabirds_bringup.watch.live_table import plain_line
 from mabirds_bringup.watch.monitor import MonitorNode
+from mabirds_core.experiment.assembly import build_game
+from mabirds_core.experiment.names import parameter_names
 from mabirds_core.texts import sanitize
 from mabirds_msgs_py.bag_writer import BagWriter
 from mabirds_msgs_py.constraints_conversion import constraints_text
+from mabirds_msgs_py.feature_names_conversion import feature_names_message
 
 
 @pytest.fixture
@@ -212,6 +215,37 @@ def test_what_cannot_be_shown_is_counted(truth: Truth, nodes: Any) -> None:
     assert content["refused"] == {"not_finite": 1, "too_large": 1, "wrong_schedule": 1}
     assert "parameters" not in content
     assert inspector.missing() == []
+
+
+@pytest.mark.parametrize("names", [["x" * 1000], ["a wall", "a wall"]], ids=["too long", "twice"])
+def test_names_that_are_none_are_not_shown(truth: Truth, nodes: Any, names: list[str]) -> None:
+    inspector = nodes.add(InspectorNode(context=nodes.context))
+    inspector.watch("/learner_1")
+    learner = inspector.learners["/learner_1"]
+    sent_to(inspector, "/learner_1/parameters", truth.parameters("learner_1", 1))
+    sent_to(inspector, "/learner_1/feature_names", FeatureNames(omega=names))
+    assert learner.refused == {"impossible_names": 1}
+    assert describe(learner, top=1)["parameters"]["costliest"][0]["feature"].startswith("feature ")
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"omega": ["a wall"]}, "impossible_names"),
+        ({"learner": "learner_2"}, "wrong_learner"),
+        ({"experiment_digest": "other"}, "wrong_experiment"),
+    ],
+)
+def test_names_that_lie_are_not_recorded(
+    truth: Truth, monitor: MonitorNode, changes: dict[str, Any], reason: str
+) -> None:
+    names = parameter_names(truth.experiment, "learner_1", build_game(truth.experiment))
+    message = feature_names_message(names)
+    message.learner, message.experiment_digest = "learner_1", truth.experiment.run_digest("")
+    sent_to(monitor, "/learner_1/feature_names", message)
+    assert monitor.drops == {}
+    sent_to(monitor, "/learner_1/feature_names", spoil(message, **changes))
+    assert monitor.drops == {reason: 1}
 
 
 @pytest.mark.parametrize(

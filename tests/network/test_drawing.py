@@ -1,11 +1,13 @@
 """Learners beside a node that draws them: what stock tools are configured for exists, with its types and fields."""
 
 import json
+import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import rclpy
@@ -129,3 +131,32 @@ def test_whoever_comes_late_from_another_host_sees_names(
     executor.shutdown()
     late.destroy_node()
     rclpy.try_shutdown(context=elsewhere)
+
+
+def test_a_picture_of_nothing_is_told_and_not_made(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "mabirds_bringup", "picture", str(tmp_path / "drawn.png"), "--timeout", "1"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout) == (4, "")
+    assert "start `mabirds draw`" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_drawings_of_a_process_become_a_picture(
+    make_experiment: Callable[..., Path], nodes: Any, tmp_path: Path
+) -> None:
+    file = make_experiment(iterations=6)
+    learners = [nodes.learner(file, name) for name in ("learner_1", "learner_2")]
+    nodes.player(file, hz=50.0)
+    mabirds = [sys.executable, "-m", "mabirds_bringup"]
+    drawing = subprocess.Popen([*mabirds, "draw", str(file)], stderr=subprocess.PIPE, stdout=subprocess.PIPE)
+    try:
+        nodes.spin_until(lambda: all(learner.session.finished for learner in learners))
+        picture = subprocess.Popen([*mabirds, "picture", str(tmp_path / "drawn.png")], stderr=subprocess.DEVNULL)
+        nodes.spin_until(lambda: picture.poll() is not None, 40.0)
+        assert picture.returncode == 0
+        height, width = plt.imread(tmp_path / "drawn.png").shape[:2]
+        assert min(height, width) > 400
+    finally:
+        drawing.terminate()
+        assert drawing.communicate()[0] == b""
+    assert drawing.returncode == 0

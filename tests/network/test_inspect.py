@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import os
 import re
 import subprocess
 import sys
@@ -182,3 +183,26 @@ def test_plain_values_and_back() -> None:
         field_of({"a": 1, "b": 2}, "c")
     with pytest.raises(InspectionError, match="field iteration: 'three' is no uint64"):
         fill(LearnerStatus(), {"iteration": "three"})
+
+
+TABLE = """
+import pty
+pty.spawn(["bash", "-c", "stty cols 60 rows 40; exec {} -m mabirds_bringup inspect"])
+"""
+
+
+def test_a_terminal_of_60_columns_has_a_table(network: Path) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-c", TABLE.format(sys.executable)], stdout=subprocess.PIPE, stdin=subprocess.DEVNULL
+    )
+    assert process.stdout
+    screen, deadline = "", time.monotonic() + 30
+    while "apart at iteration 31" not in screen:
+        assert time.monotonic() < deadline, screen
+        screen += os.read(process.stdout.fileno(), 65536).decode(errors="replace")
+    process.terminate()
+    process.communicate()
+    lines = [re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", line) for line in re.split(r"[\r\n]+", screen)]
+    assert max(map(len, lines)) <= 60
+    assert any(re.match(r"learner_1 +finished +30 ", line) for line in lines)  # of how many, the player would say
+    assert "no player" in lines
