@@ -10,6 +10,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
+from mabirds_bringup import exit_codes
 from mabirds_bringup.topics.plain import InspectionError, message_type
 from mabirds_core.experiment.names import ParameterNames
 from mabirds_core.texts import truncate
@@ -27,7 +28,7 @@ DEPTH = 1000
 class NothingHeardError(InspectionError):
     """There is nobody, or nothing came."""
 
-    exit_code = 4
+    exit_code = exit_codes.NOBODY_THERE
 
 
 class Listening:
