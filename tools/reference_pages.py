@@ -28,6 +28,7 @@ from typer.main import get_command
 
 from mabirds_bringup import exit_codes
 from mabirds_bringup.application import app
+from mabirds_bringup.draw.node import DrawingNode
 from mabirds_bringup.evaluate.evaluation import LearnerMetrics
 from mabirds_bringup.run.declaration import MembershipPublisher
 from mabirds_bringup.run.run_directory import CONTENTS
@@ -67,7 +68,7 @@ def commands_page() -> str:
 
 def _commands(path: str, command: Any) -> Iterator[tuple[str, Any]]:
     verbs = getattr(command, "commands", None)
-    if verbs is None:
+    if verbs is None or getattr(command, "invoke_without_command", False):
         yield path, command
     for name, verb in (verbs or {}).items():
         yield from _commands(f"{path} {name}", verb)
@@ -142,12 +143,19 @@ def nodes() -> dict[str, Described]:
         context = stack.enter_context(_ros(folder))
         resilient = _resilient_copy(folder / "resilient.yaml")
         recording = stack.enter_context(BagWriter(folder / "bag"))
+
+        def drawing() -> Node:
+            node = DrawingNode(load_experiment(PATROL), demonstrations=True, context=context)
+            node.watch("/learner_1")
+            return node
+
         create: dict[str, Callable[..., Node]] = {
             "Learner in strict mode": lambda: learner(PATROL),
             "Learner in resilient mode": lambda: learner(resilient),
             "Central method": lambda: baseline_node.BaselineNode(namespace="/bics", **_of(PATROL, context)),
             "Expert player": lambda: player_node.ExpertPlayerNode(**_of(PATROL, context)),
             "mabirds run": lambda: MonitorNode(load_experiment(PATROL), recording, context=context),
+            "mabirds draw": drawing,
             "mabirds members": lambda: MembershipPublisher(["learner_1", "learner_2"], context=context),
         }
 

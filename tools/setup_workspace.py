@@ -46,6 +46,7 @@ PACKAGES = ("mabirds_core", "mabirds_msgs_py", "mabirds_expert_player", "mabirds
 USER_CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
 WHEEL_CACHE = Path(os.environ.get("MABIRDS_CACHE") or USER_CACHE / "mabirds" / "wheels").absolute()
 GIGABYTES_NEEDED = 2
+LOOK, NEWS = 0.5, 10.0  # seconds between two looks at a command, and between two lines where there is no terminal
 EXIT_MISSING, EXIT_FAILED, EXIT_INTERRUPTED = 3, 4, 130
 MACHINE = (str(sys.implementation.cache_tag), sysconfig.get_platform(), *platform.libc_ver())
 PLACE = f"{VENV} {sys.base_prefix} {MACHINE}"  # what .venv is made for
@@ -137,12 +138,54 @@ def run(*command: str | Path, remedy: str, changes_venv: bool = True) -> None:
     env = pip_environment() if VENV_PYTHON.exists() else None
     with LOG.open("a") as log:
         print("$", *command, file=log, flush=True)
-        code = subprocess.call(command, cwd=ROOT, env=env, stdout=log, stderr=log, close_fds=False)
+        begun = log.tell()
+        with subprocess.Popen(command, cwd=ROOT, env=env, stdout=log, stderr=log, close_fds=False) as process:
+            show_progress(process, begun)
+        code = process.returncode
     if code >= 0:  # else it was killed and may have left .venv half changed
         SOUND.write_text(PLACE)
     if code != 0:
         tail = "\n".join(LOG.read_text(errors="replace").splitlines()[-30:])
         fail(EXIT_FAILED, f"{tail}\n\nexit code {code}; the whole output is in {LOG}\n{remedy}")
+
+
+def show_progress(process: subprocess.Popen[bytes], begun: int) -> None:
+    """Until a command ends, what its log says it is at: in place on a terminal, else a line every NEWS seconds."""
+    started = told = time.monotonic()
+    while True:
+        try:
+            process.wait(LOOK)
+        except subprocess.TimeoutExpired:
+            now = time.monotonic()
+            if sys.stdout.isatty() or now - told > NEWS:
+                told = now
+                tell(f"{now - started:.0f} s: {newest_words(begun)}")
+            continue
+        except KeyboardInterrupt:
+            process.terminate()
+            raise
+        if sys.stdout.isatty():
+            print("\x1b7\x1b[K\x1b8", end="", flush=True)  # what stood behind the announced step
+        return
+
+
+def tell(words: str) -> None:
+    """Words behind the step: on a terminal over what stood there, from where they leave the cursor as it was."""
+    if sys.stdout.isatty():
+        room = max(12, shutil.get_terminal_size().columns - 64)  # for the longest step's words stand before
+        print(f"\x1b7\x1b[K{words[:room]}\x1b8", end="", flush=True)
+    else:
+        print(f"\n      {words[:72]}", end=" ", flush=True)
+
+
+def newest_words(begun: int) -> str:
+    """The last thing that pip or a compiler said: which package it collects, how far a build is."""
+    with LOG.open("rb") as log:
+        log.seek(begun)
+        lines = log.read().decode(errors="replace").split("\n")
+    said = [line.strip() for line in lines if re.match(r"\s*(Collecting|Downloading|Building|Installing|\[\d+/)", line)]
+    count = sum(line.startswith("Collecting") for line in lines)
+    return f"{count} packages, {said[-1]}" if said and count else (said[-1] if said else "at work")
 
 
 def pip(*arguments: str | Path, remedy: str) -> None:

@@ -41,6 +41,8 @@ def wrong_words(line: str) -> list[str]:
     while verbs := getattr(command, "commands", None):
         if not words:
             return []
+        if words[0].startswith("--"):
+            break  # an option of the group itself
         verb = words.pop(0)
         if verb.endswith(".yaml"):
             verb = "STUDY"  # the file of a study, where `mabirds bench` takes a name

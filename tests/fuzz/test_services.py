@@ -3,7 +3,6 @@
 import math
 import time
 from collections.abc import Callable
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -19,7 +18,6 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from truth import Truth, bits, true_messages
 
-from mabirds_bringup.watch.inspector import InspectorNode
 from mabirds_msgs_py.player_services import service_type
 from mabirds_msgs_py.qos import STATUS_QOS, announced, latched
 
@@ -220,20 +218,3 @@ def test_services_answer_whatever_is_asked(nodes: Any, long: Truth, count: int) 
         assert all(stream.sent <= 4 for stream in player.playback.streams.values())
 
     check()
-
-
-@pytest.mark.parametrize(
-    "values",
-    [[], ["", ""], ["x" * 100_000, ""], ["/dev/zero", ""], ["/etc/passwd", "x" * 1000], ["a", "b", "c"], [".."]],
-    ids=lambda values: str(values)[:30],
-)
-def test_an_inspector_survives_what_others_say_of_their_experiment(truth: Truth, nodes: Any, values: list[str]) -> None:
-    inspector = nodes.add(InspectorNode(context=nodes.context))
-    inspector._watch("/learner_1")
-    learner = inspector.learners["/learner_1"]
-    learner.parameters = truth.parameters("learner_1", 1)
-
-    answer = SimpleNamespace(values=[parameter("any", value).value for value in values])
-    inspector._on_experiment(learner, SimpleNamespace(result=lambda: answer))
-    assert learner.answered
-    assert learner.feature_names is None

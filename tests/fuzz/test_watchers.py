@@ -11,18 +11,23 @@ from harness import NODES, few, sent_to
 from hypothesis import given
 from hypothesis import strategies as st
 from junk import made_up, spoil, spoiled
-from mabirds_msgs.msg import Constraints, EdgeSchedule, LearnerStatus
+from mabirds_msgs.msg import Constraints, EdgeSchedule, FeatureNames, LearnerStatus
 from mabirds_msgs.msg import Parameters as ParametersMessage
 from truth import Truth, bits
 
 from mabirds_bringup.commands.inspect import _status_line
 from mabirds_bringup.evaluate.results import audit
-from mabirds_bringup.watch.inspector import InspectorNode, describe
+from mabirds_bringup.watch.described import describe
+from mabirds_bringup.watch.edges import edge_states
+from mabirds_bringup.watch.inspector import InspectorNode
 from mabirds_bringup.watch.live_table import plain_line
 from mabirds_bringup.watch.monitor import MonitorNode
+from mabirds_core.experiment.assembly import build_game
+from mabirds_core.experiment.names import parameter_names
 from mabirds_core.texts import sanitize
 from mabirds_msgs_py.bag_writer import BagWriter
 from mabirds_msgs_py.constraints_conversion import constraints_text
+from mabirds_msgs_py.feature_names_conversion import feature_names_message
 
 
 @pytest.fixture
@@ -164,9 +169,8 @@ def test_a_schedule_of_somebody_else_is_not_recorded(truth: Truth, monitor: Moni
 def test_an_inspector_shows_messages_of_any_content(truth: Truth, nodes: Any, count: int) -> None:
     """As JSON that every reader takes, and in lines that fit and steer no terminal."""
     inspector = nodes.add(InspectorNode(context=nodes.context))
-    inspector._watch("/learner_1")
+    inspector.watch("/learner_1")
     learner = inspector.learners["/learner_1"]
-    learner.feature_names = ("only one",)
 
     @few(count * 10)
     @given(
@@ -174,15 +178,23 @@ def test_an_inspector_shows_messages_of_any_content(truth: Truth, nodes: Any, co
         st.one_of(spoiled(lambda: truth.status("learner_1", iteration=3)), made_up(LearnerStatus)),
         st.one_of(spoiled(truth.schedule), made_up(EdgeSchedule)),
         st.one_of(spoiled(lambda: truth.constraints("learner_1")), made_up(Constraints)),
+        made_up(FeatureNames),
     )
     def check(
-        parameters: ParametersMessage, status: LearnerStatus, schedule: EdgeSchedule, constraints: Constraints
+        parameters: ParametersMessage,
+        status: LearnerStatus,
+        schedule: EdgeSchedule,
+        constraints: Constraints,
+        names: FeatureNames,
     ) -> None:
         sent_to(inspector, "/learner_1/parameters", parameters)
         sent_to(inspector, "/learner_1/status", status)
         sent_to(inspector, "/learner_1/edge_schedule", schedule)
         sent_to(inspector, "/learner_1/constraints", constraints)
+        sent_to(inspector, "/learner_1/feature_names", names)
         content = describe(learner, top=3)
+        edges = learner.edges
+        assert edges is None or set(edge_states(edges, {"learner_1": learner.status})) == set(edges.all_edges)
         assert json.dumps(content, allow_nan=False)
         for line in (_status_line(content), constraints_text(learner.constraints or Constraints(), 3)):
             text = sanitize(line, 1000)
@@ -195,7 +207,7 @@ def test_an_inspector_shows_messages_of_any_content(truth: Truth, nodes: Any, co
 
 def test_what_cannot_be_shown_is_counted(truth: Truth, nodes: Any) -> None:
     inspector = nodes.add(InspectorNode(context=nodes.context))
-    inspector._watch("/learner_1")
+    inspector.watch("/learner_1")
     sent_to(inspector, "/learner_1/parameters", spoil(truth.parameters("learner_1", 1), omega=[math.nan]))
     sent_to(inspector, "/learner_1/parameters", spoil(truth.parameters("learner_1", 1), omega=[1e200]))
     sent_to(inspector, "/learner_1/edge_schedule", spoil(truth.schedule(), learners=["intruder", "other"]))
@@ -203,6 +215,37 @@ def test_what_cannot_be_shown_is_counted(truth: Truth, nodes: Any) -> None:
     assert content["refused"] == {"not_finite": 1, "too_large": 1, "wrong_schedule": 1}
     assert "parameters" not in content
     assert inspector.missing() == []
+
+
+@pytest.mark.parametrize("names", [["x" * 1000], ["a wall", "a wall"]], ids=["too long", "twice"])
+def test_names_that_are_none_are_not_shown(truth: Truth, nodes: Any, names: list[str]) -> None:
+    inspector = nodes.add(InspectorNode(context=nodes.context))
+    inspector.watch("/learner_1")
+    learner = inspector.learners["/learner_1"]
+    sent_to(inspector, "/learner_1/parameters", truth.parameters("learner_1", 1))
+    sent_to(inspector, "/learner_1/feature_names", FeatureNames(omega=names))
+    assert learner.refused == {"impossible_names": 1}
+    assert describe(learner, top=1)["parameters"]["costliest"][0]["feature"].startswith("feature ")
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"omega": ["a wall"]}, "impossible_names"),
+        ({"learner": "learner_2"}, "wrong_learner"),
+        ({"experiment_digest": "other"}, "wrong_experiment"),
+    ],
+)
+def test_names_that_lie_are_not_recorded(
+    truth: Truth, monitor: MonitorNode, changes: dict[str, Any], reason: str
+) -> None:
+    names = parameter_names(truth.experiment, "learner_1", build_game(truth.experiment))
+    message = feature_names_message(names)
+    message.learner, message.experiment_digest = "learner_1", truth.experiment.run_digest("")
+    sent_to(monitor, "/learner_1/feature_names", message)
+    assert monitor.drops == {}
+    sent_to(monitor, "/learner_1/feature_names", spoil(message, **changes))
+    assert monitor.drops == {reason: 1}
 
 
 @pytest.mark.parametrize(

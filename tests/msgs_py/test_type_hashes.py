@@ -13,6 +13,7 @@ PINNED = {
     "mabirds_msgs/msg/Constraints": "RIHS01_960cb51cb7f590265a115882f94b448aa891c67068b4b50699f2a1037be3c868",
     "mabirds_msgs/msg/Demonstration": "RIHS01_644297b56d5102c007101d64487a4a67cc91cfa223af66f1e1ac57b6482fb379",
     "mabirds_msgs/msg/EdgeSchedule": "RIHS01_e495cad55ac19022d1cd96a814b8f06b9cbd89953ca62a5d1f7b58b7080e5006",
+    "mabirds_msgs/msg/FeatureNames": "RIHS01_804eafea33b9ebd8bda3652336593700e29a625dc0e6e0fd5281ff0042965e6b",
     "mabirds_msgs/msg/LearnerStatus": "RIHS01_5a9abe674a3603603ee78dbdb0f22524f09f5f70a78fe8ec9b8266c85797746a",
     "mabirds_msgs/msg/Mass": "RIHS01_f645915c29f11125f88a4be6e805dbba86127fe053d178e5bb6837c1adf931e7",
     "mabirds_msgs/msg/Membership": "RIHS01_3a9818d4cd2724db434d7ec16aa4c5ff51c1a4c0a315cca98432816fdb46e2c1",

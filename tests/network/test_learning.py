@@ -15,7 +15,8 @@ from mabirds_bringup.commands.simulate import simulate_from_bag, simulate_with_p
 from mabirds_bringup.evaluate.evaluation import evaluate, summary
 from mabirds_bringup.evaluate.results import audit
 from mabirds_bringup.run.network import PLAYER, Network
-from mabirds_bringup.watch.inspector import InspectorNode, describe
+from mabirds_bringup.watch.described import describe
+from mabirds_bringup.watch.inspector import InspectorNode
 from mabirds_bringup.watch.monitor import MonitorNode
 from mabirds_core.experiment.file import load_experiment
 from mabirds_core.metrics.curves import late_minimum

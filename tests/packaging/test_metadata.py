@@ -21,6 +21,11 @@ FROM_WHEELS = {
     "rcl_interfaces": "ros-jazzy-rclpy",
     "rclpy": "ros-jazzy-rclpy",
     "diagnostic_msgs": "ros-jazzy-common-interfaces",
+    "geometry_msgs": "ros-jazzy-common-interfaces",
+    "nav_msgs": "ros-jazzy-common-interfaces",
+    "std_msgs": "ros-jazzy-common-interfaces",
+    "visualization_msgs": "ros-jazzy-common-interfaces",
+    "PIL": "pillow",
     "rosgraph_msgs": "ros-jazzy-rclpy",
     "yaml": "pyyaml",
 }

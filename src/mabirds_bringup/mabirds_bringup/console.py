@@ -53,15 +53,9 @@ def print_json(content: Any, stream: Any) -> None:
 
 
 def progress_bar() -> Progress:
-    """A bar with count, time and what is left of it, for long work."""
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left:"),
-        TimeRemainingColumn(),
-    )
+    """A bar with count, time and time that is left, for long work."""
+    counted = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    columns = (*counted, TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn())
     return Progress(*columns, console=console)
 
 

@@ -6,7 +6,7 @@ BAD_INPUT = 2
 PROCESS_DIED = 3
 """A learner or the player ended before its time; its log is named."""
 NOBODY_THERE = 4
-"""``inspect --once`` found no learner in the domain, ``mabirds player`` no player."""
+"""``inspect`` found no learner, topic, node or service, ``player`` no player, ``picture`` nothing that is drawn."""
 INCOMPLETE = 5
 """A run ended, or a run directory was looked at, of which not everything is known; what is missing is named."""
 INTERRUPTED = 130

@@ -58,8 +58,17 @@ VERBS = {
     ),
     "inspect": Verb(
         "inspect",
-        "Show the learners of this ROS domain: one line per parameter message and per change of status.",
+        "Show the learners and players of this ROS domain.",
     ),
+    "dashboard": Verb(
+        "dashboard",
+        "Serve a live page of a running network, until Ctrl-C: graph, curves, maps, and the player's controls.",
+    ),
+    "draw": Verb(
+        "draw",
+        "Publish what learners say as grids, markers, paths and numbers for RViz, Foxglove, PlotJuggler and Nav2.",
+    ),
+    "picture": Verb("draw", "Draw the grids, markers and paths of this ROS domain, from whomever they are, to a PNG."),
     "members": Verb(
         "members", "Declare the members of a running network: whom it is to go on without, or who joins it."
     ),

@@ -7,7 +7,7 @@ in-neighbours tell (strict_exchange, push_sum_exchange), and to nothing else.
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from mabirds_msgs.msg import Constraints, Demonstration
 from mabirds_msgs.srv import FetchParameters
@@ -16,6 +16,7 @@ from rclpy.executors import ExternalShutdownException
 from mabirds_core.consensus.push_sum_mixer import ResilientMixing
 from mabirds_core.errors import CheckpointError, RefusedMessageError
 from mabirds_core.experiment.assembly import build_learner
+from mabirds_core.games.whole_game import Game
 from mabirds_learner.checkpoint import CheckpointMetadata, CheckpointStore
 from mabirds_learner.exchange import Exchange, Identity
 from mabirds_learner.learner_session import LearnerSession
@@ -80,7 +81,7 @@ class LearnerNode(ProgressNode):
         self.done = False
         self._checkpoints = self._open_checkpoints()
         self._constraints_publisher = self.create_publisher(Constraints, topics.CONSTRAINTS, STATUS_QOS)
-        self.start(self.session.learner.game, self.parameter_history)
+        self.start(cast("Game", self.session.learner.game), self.parameter_history)  # of build_game
         history = latched(self.get_param("demonstration_history"))
         self.create_subscription(Demonstration, topics.DEMONSTRATION, self._on_demonstration, history)
         self.create_service(FetchParameters, self.service_name(topics.FETCH_PARAMETERS), self._on_fetch)

@@ -7,18 +7,20 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
-from mabirds_msgs.msg import EdgeSchedule, LearnerStatus
+from mabirds_msgs.msg import EdgeSchedule, FeatureNames, LearnerStatus
 from mabirds_msgs.msg import Parameters as ParametersMessage
 
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.errors import ExperimentError, RefusedMessageError
 from mabirds_core.experiment.differences import settings_lines
-from mabirds_core.games.interface import ConstrainedMarkovGame
+from mabirds_core.experiment.names import parameter_names
+from mabirds_core.games.whole_game import Game
 from mabirds_core.metrics.metrics import norms
 from mabirds_learner.diagnostics import HARMLESS, learning_diagnostic
 from mabirds_learner.progress import Session
 from mabirds_msgs_py import diagnostics, topics
 from mabirds_msgs_py.conversion import parameters_message, schedule_message, time_message
+from mabirds_msgs_py.feature_names_conversion import feature_names_message
 from mabirds_msgs_py.network_node import NetworkNode
 from mabirds_msgs_py.qos import STATUS_QOS, announced, latched
 from mabirds_msgs_py.ros_parameters import declare_experiment, experiment_of, float_param, int_param
@@ -79,12 +81,12 @@ class ProgressNode(NetworkNode):
         """The value of a ROS parameter."""
         return self.get_parameter(name).value
 
-    def start(self, game: ConstrainedMarkovGame, history: int) -> None:
+    def start(self, game: Game, history: int) -> None:
         """Announce theta(1), omega(1) and the status.
 
         Parameters
         ----------
-        game : ConstrainedMarkovGame
+        game : Game
             Of the experiment.
         history : int
             Messages kept for those who come late.
@@ -97,6 +99,8 @@ class ProgressNode(NetworkNode):
         self._status_publisher = self.create_publisher(LearnerStatus, topics.STATUS, latched(depth))
         self._schedule_publisher = self.create_publisher(EdgeSchedule, topics.EDGE_SCHEDULE, STATUS_QOS)
         self._schedule_publisher.publish(schedule_message(self.schedule))
+        self._names_publisher = self.create_publisher(FeatureNames, topics.FEATURE_NAMES, STATUS_QOS)
+        self._publish_names()
         self._diagnostics_publisher = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, diagnostics.DEPTH)
         self._diagnosed_at = 0
         self.create_timer(self.get_param("status_period"), self.on_timer)
@@ -104,6 +108,16 @@ class ProgressNode(NetworkNode):
         self._next = self.create_guard_condition(self.go_on)
         self.publish_history()
         self.publish_status()
+
+    def _publish_names(self) -> None:
+        """Once, for all who ever listen: what theta and omega speak of."""
+        message = feature_names_message(parameter_names(self.experiment, self.learner_name, self.game))
+        message.stamp, message.learner, message.experiment_digest = (
+            self.stamp(),
+            self.learner_name,
+            self.experiment_digest,
+        )
+        self._names_publisher.publish(message)
 
     def on_timer(self) -> None:
         """Say that this node lives."""

@@ -76,7 +76,7 @@ def test_run_fills_the_run_directory(finished_run: tuple[Path, dict[str, Any]]) 
         rates = ("violation_rate", "success_rate", "false_positive_rate", "false_negative_rate")
         assert all(0 <= row[rate] <= 1 for rate in rates)
     assert {"theta", "omega", "policy"} == set(summary["consensus_distance"])
-    assert (latest / "report.html").read_text(encoding="utf-8").count("<img") == 2
+    assert (latest / "report.html").read_text(encoding="utf-8").count("<img") == 3
     assert {file.name for file in (latest / "logs").glob("*.log")} == {
         "learner_1.log",
         "learner_2.log",
@@ -262,6 +262,7 @@ def test_inspect_once_shows_every_learner(file: Path, tmp_path: Path) -> None:
     for learner in content["learners"].values():
         assert learner["state"] == "waits for a demonstration"
         assert learner["parameters"]["iteration"] == 1
+        assert learner["iterations_per_second"] in {None, 0.0}
         assert [one["feature"] for one in learner["parameters"]["costliest"]] == [
             "expert_1 in (0, 0)",
             "expert_1 in (0, 1)",

@@ -112,7 +112,7 @@ def test_damage_is_found(
 
 def test_a_report_of_what_is_left_says_that_it_is_incomplete(directory: Path) -> None:
     a_record_is_gone(directory)
-    assert report(directory) == 5
+    assert report([directory]) == 5
     summary = summary_of(directory)
     assert summary["complete"] is False
     assert summary["learners"]["learner_2"]["iterations"] == 2
@@ -141,9 +141,9 @@ def test_an_interrupted_evaluation_keeps_what_was_judged(
     evaluate = results.evaluate
     monkeypatch.setattr(results, "evaluate", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        report(directory)
+        report([directory])
     assert judged == [1, 2, 3]
-    assert report(directory) == 0
+    assert report([directory]) == 0
     assert summary_of(directory) == before
 
 

@@ -9,16 +9,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mabirds_msgs.msg import LearnerStatus
+from builtin_interfaces.msg import Time
+from mabirds_msgs.msg import LearnerStatus, PlayerStatus
 from rich.console import Console
 
+from mabirds_bringup.commands import run as run_command
 from mabirds_bringup.commands.demonstrations import demonstrations_of
 from mabirds_bringup.commands.simulate import simulate_from_bag
 from mabirds_bringup.console import guarded_output, judges_table, print_json
 from mabirds_bringup.evaluate.evaluation import evaluate
 from mabirds_bringup.report.page import write_report
 from mabirds_bringup.run import processes
-from mabirds_bringup.watch.live_table import live_table, plain_line
+from mabirds_bringup.watch.live_table import Pace, live_table, plain_line
 from mabirds_core.experiment.file import Experiment, load_experiment
 
 
@@ -41,13 +43,18 @@ def monitor() -> Any:
     presence = SimpleNamespace(is_lost=lambda name: name in gone)
     gone: set[str] = set()
     return SimpleNamespace(
-        names=names, statuses={"learner_1": status}, consensus=lambda: (5, 0.25, 1.5), presence=presence, gone=gone
+        names=names,
+        statuses={"learner_1": status},
+        consensus=lambda: (5, 0.25, 1.5),
+        presence=presence,
+        gone=gone,
+        player=None,
     )
 
 
 def test_the_live_table_says_who_waits_for_whom(experiment: Experiment, monitor: Any) -> None:
     console = Console(width=100, record=True, file=open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115, PTH123
-    console.print(live_table(experiment, monitor))
+    console.print(live_table(experiment, monitor, Pace()))
     console.file.close()
     text = console.export_text()
     for cell in (
@@ -60,6 +67,54 @@ def test_the_live_table_says_who_waits_for_whom(experiment: Experiment, monitor:
         "theta 0.25, omega 1.5",
     ):
         assert cell in text, text
+
+
+def shown(renderable: Any, width: int = 60) -> list[str]:
+    console = Console(width=width, record=True, file=open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115, PTH123
+    console.print(renderable)
+    console.file.close()
+    return console.export_text().splitlines()
+
+
+PLAYING = PlayerStatus(
+    playing=True, rate=2.0, last=Time(sec=100), at=Time(sec=40), learners=["learner_1"], sent=[4], total=[6]
+)
+
+
+def test_the_live_table_fits_60_columns_and_keeps_their_widths(experiment: Experiment, monitor: Any) -> None:
+    """Whatever happens, a column begins where it began; nothing is shortened that matters."""
+    monitor.player = PLAYING
+    clock = iter([0.0, 10.0])
+    pace = Pace(lambda: next(clock))
+    before = shown(live_table(experiment, monitor, Pace(lambda: 0.0)))
+    monitor.statuses["learner_1"].last_demonstration = 1
+    pace.note(monitor)
+    monitor.statuses["learner_1"].last_demonstration = 5
+    monitor.statuses["learner_1"].metric_values = [123.4567]
+    pace.note(monitor)
+    after = shown(live_table(experiment, monitor, pace))
+    for lines in (before, after):
+        assert max(map(len, lines)) <= 60
+        assert "player playing 2x, 4/6 sent, 30s left" in " ".join(lines)
+    headers = [next(line for line in lines if "ETA" in line) for lines in (before, after)]
+    assert headers[0] == headers[1]
+    row = next(line for line in after if "5/6" in line)
+    assert row.split()[:5] == ["learner_1", "5/6", "waiting", "2s", "2"]
+    assert "123.4" in row  # seconds of six letters, cut short rather than moved
+
+
+def test_nothing_is_printed_twice_where_there_is_no_terminal(
+    experiment: Experiment, monitor: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    printed: list[str] = []
+    monkeypatch.setattr(run_command, "LINE_PERIOD", 0.0)
+    monkeypatch.setattr(run_command.console, "print", lambda line, **_: printed.append(line))
+    display = run_command._Display(experiment, SimpleNamespace(only=(), names=("learner_1", "learner_2")))
+    for _ in range(3):
+        display.update(monitor, None, [])
+    monitor.statuses["learner_1"].last_demonstration = 5
+    display.update(monitor, None, [])
+    assert len(printed) == len(set(printed)) == 2
 
 
 def test_a_learner_whose_process_is_gone_is_shown_as_gone(experiment: Experiment, monitor: Any) -> None:
@@ -112,8 +167,10 @@ def test_the_report_shows_its_numbers(tmp_path: Path) -> None:
         "complete": True,
         "missing": [],
     }
-    write_report(tmp_path, summary, ["map.png"])
+    (tmp_path / "map.png").write_bytes(b"a picture")
+    write_report(tmp_path, summary, {"map.png": "a map"})
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "![a map](map.png)" in (tmp_path / "report.md").read_text(encoding="utf-8")
     for text in (
         "&lt;patrol&gt;",
         "<td>40</td>",
@@ -125,7 +182,9 @@ def test_the_report_shows_its_numbers(tmp_path: Path) -> None:
         "4 features undetermined",
         "confidence 0.95",
         "of 1000 rollouts",
-        "map.png",
+        "data:image/png;base64,YSBwaWN0dXJl",
+        "reach their goals and keep every true constraint in 99.8 % of trials",
+        "That was not always so: within the last 15 judged iterations success fell to 91.0 %.",
         "0.00 (uniform), 8.50 (straight flight)",
         "<td>fine lattice</td><td>0.125</td>",
         "<td>0.875</td><td>12.50</td>",

@@ -1,6 +1,6 @@
 """``mabirds report`` and ``mabirds check``: of any run directory, at any time."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,11 +17,22 @@ from mabirds_bringup.run.stored_run import StoredRun, load_run
 RunDirectory = Annotated[Path, typer.Argument(metavar="RUN", help="Run directory, such as runs/latest.")]
 
 
-def report(directory: RunDirectory, as_json: Json = False) -> int:
+def report(
+    directories: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run directories, such as runs/latest.")],
+    out: Annotated[Path, typer.Option(help="Directory of the comparison, where there are several runs.")] = Path(
+        "comparison"
+    ),
+    as_json: Json = False,
+) -> int:
     """Make the report of a run from what is there: of one that was interrupted, or that is still under way.
+
+    Several runs, each of which has its report, are compared.
 
     Example: mabirds report runs/latest
     """
+    if len(directories) > 1:
+        return _compare(directories, out, as_json=as_json)
+    (directory,) = directories
     with guarded_output() as stdout:
         stored = load_run(directory.resolve())
         before = stored.summary()
@@ -29,6 +40,18 @@ def report(directory: RunDirectory, as_json: Json = False) -> int:
         if as_json:
             print_json(content, stdout)
     return exit_codes.FINISHED if content["complete"] else exit_codes.INCOMPLETE
+
+
+def _compare(directories: Sequence[Path], out: Path, *, as_json: bool) -> int:
+    from mabirds_bringup.report.comparison import load_judged, write_comparison
+
+    with guarded_output() as stdout:
+        runs = [load_judged(directory.resolve()) for directory in directories]
+        write_comparison(runs, out)
+        console.print(f"{len(runs)} runs compared in {out / 'report.html'}", soft_wrap=True)
+        if as_json:
+            print_json({"runs": {run.name: run.summary for run in runs}}, stdout)
+    return exit_codes.FINISHED
 
 
 def report_on(

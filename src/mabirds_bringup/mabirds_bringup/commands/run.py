@@ -23,7 +23,7 @@ from mabirds_bringup.run.network import PLAYER, HostMovedError, Network, Network
 from mabirds_bringup.run.size import shown_size
 from mabirds_bringup.run.stored_run import NETWORK, RunPlan, StoredRun, begin, find_run, load_run, locked
 from mabirds_bringup.run.supervisor import Supervisor
-from mabirds_bringup.watch.live_table import live_table, plain_line
+from mabirds_bringup.watch.live_table import Pace, live_table, plain_line
 from mabirds_bringup.watch.monitor import MonitorNode
 from mabirds_bringup.watch.time_left import TimeLeft
 from mabirds_core.errors import ExperimentError, MabirdsError
@@ -193,7 +193,8 @@ class _Display:
     def __init__(self, experiment: Experiment, network: Network) -> None:
         self._experiment, self._started = experiment, network.only or (*network.names, "the expert player")
         self._live = Live(console=console, refresh_per_second=4, transient=True) if console.is_terminal else None
-        self._last, self._left = time.monotonic(), TimeLeft(experiment.iterations)
+        self._last, self._pace, self._printed = time.monotonic(), Pace(), ""
+        self._left = TimeLeft(experiment.iterations)
 
     def __enter__(self) -> Self:
         console.print(f"starting {', '.join(self._started)}", soft_wrap=True)
@@ -213,8 +214,10 @@ class _Display:
         if time.monotonic() - self._last < period:
             return
         self._last = time.monotonic()
+        self._pace.note(monitor)
         left = self._left.words([int(status.last_demonstration) for status in monitor.statuses.values()])
         if self._live:
-            self._live.update(live_table(self._experiment, monitor, left))
-        else:
-            console.print("; ".join(filter(None, [plain_line(self._experiment, monitor), left])), soft_wrap=True)
+            self._live.update(live_table(self._experiment, monitor, self._pace))
+        elif (line := plain_line(self._experiment, monitor)) != self._printed:
+            self._printed = line
+            console.print("; ".join(filter(None, [line, left])), soft_wrap=True)

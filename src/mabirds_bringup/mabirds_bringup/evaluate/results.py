@@ -41,7 +41,7 @@ def write_results(
     certificate: Certificate,
     delivered: dict[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """Evaluate ``history``, write metrics.csv, figures, report.html and summary.json; show and return the summary.
+    """Evaluate ``history``, write metrics.csv, figures, reports and summary.json; show and return the summary.
 
     ``demonstrations``: each learner's. ``certificate``: what the history is worth. ``delivered``: the ``audit`` of a
     network's run. Where it is interrupted, what was judged is kept for the next time.

@@ -1,12 +1,81 @@
-"""report.html: the summary of a run as one page with its figures."""
+"""report.html and report.md of a run: what was learned, in words, numbers and pictures."""
 
+import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import yaml
+
+from mabirds_bringup.report.embedding import embedded
+from mabirds_bringup.report.findings import findings
+from mabirds_bringup.report.measures import MEASURES, shown
 from mabirds_bringup.report.templates import render
+from mabirds_bringup.report.traffic import traffic
+
+FILES = ("logs", "bag", "metrics.csv", "summary.json", "manifest.json", "experiment.yaml")
+"""What a report links to, where it is there."""
 
 
-def write_report(directory: Path, summary: dict[str, Any], figures: list[str]) -> None:
-    """Write report.html beside the figures that it shows."""
-    page = render("run.html.jinja", **summary, figures=figures)
-    (directory / "report.html").write_text(page, encoding="utf-8")
+def write_report(directory: Path, summary: Mapping[str, Any], figures: Mapping[str, str]) -> None:
+    """Write the report of a run directory.
+
+    Parameters
+    ----------
+    directory : Path
+        With the figures.
+    summary : Mapping[str, Any]
+        Of summary.json.
+    figures : Mapping[str, str]
+        Names of PNG files, and what each shows.
+    """
+    content = {
+        **summary,
+        "findings": findings(summary),
+        "columns": ["learner", "iterations", *(measure.title for measure in MEASURES)],
+        "lines": lines(summary),
+        "measures": MEASURES,
+        "shown": shown,
+        "judged": judged(summary),
+        "manifest": manifest(directory),
+        "traffic": traffic(directory),
+        "links": [name for name in FILES if (directory / name).exists()],
+        "delivered": summary.get("delivered_graph"),
+    }
+    pictures = {name: embedded(directory / name, words) for name, words in figures.items()}
+    for suffix, shown_figures in (("html", list(pictures.values())), ("md", figures)):
+        page = render(f"run.{suffix}.jinja", **content, figures=shown_figures)
+        (directory / f"report.{suffix}").write_text(page, encoding="utf-8")
+
+
+def lines(summary: Mapping[str, Any]) -> list[list[str]]:
+    """A line of the table of rates for each learner."""
+    return [
+        [name, str(row["iterations"]), *(shown(row[measure.key], measure.form) for measure in MEASURES)]
+        for name, row in summary["learners"].items()
+    ]
+
+
+def judged(summary: Mapping[str, Any]) -> list[list[str]]:
+    """A line for each learner and planner that took no part in the learning."""
+    return [
+        [
+            name,
+            judge,
+            *(shown(verdict[rate], ".3f") for rate in ("violation_rate", "success_rate")),
+            shown(verdict["value"], ".2f"),
+            shown(verdict["certificate"], ".3f"),
+        ]
+        for name, row in summary["learners"].items()
+        for judge, verdict in row["judges"].items()
+    ]
+
+
+def manifest(directory: Path) -> dict[str, Any]:
+    """How the run came about, with its settings as YAML; nothing where that is not written down."""
+    file = directory / "manifest.json"
+    if not file.is_file():
+        return {}
+    content = json.loads(file.read_text(encoding="utf-8"))
+    settings = yaml.safe_dump(content.get("settings", {}), sort_keys=False, allow_unicode=True)
+    return {**content, "settings_text": settings}

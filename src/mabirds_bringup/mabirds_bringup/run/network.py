@@ -28,6 +28,7 @@ from mabirds_core.experiment.simulate import History
 from mabirds_msgs_py.addresses import AddressWatch
 from mabirds_msgs_py.clock_watch import SetBack, waking
 from mabirds_msgs_py.declaration_key import make_key, read_key
+from mabirds_msgs_py.message_loop import MessageLoop
 from mabirds_msgs_py.security import enclave_arguments, start_ros
 
 PLAYER = "expert_player"
@@ -122,16 +123,19 @@ class Network:
                 place = self.directory / DIRECTORY
                 with addresses.while_made():
                     monitor = MonitorNode(self.experiment, recording, self._run, self.names, place, key)
-                executor.add_node(monitor)
 
                 def is_done(name: str, code: int) -> bool:
                     if name != PLAYER:
                         return code == 0 and monitor.has_departed(name)
                     return code == 0 and _hear_out(executor, monitor)
 
-                with waking(executor, monitor, clock), closing(self._farewell(monitor)) as farewell:
+                with (
+                    waking(executor, monitor, clock),
+                    closing(self._farewell(monitor)) as farewell,
+                    closing(MessageLoop(monitor, executor)) as loop,
+                ):
                     while not (monitor.finished and farewell.is_over()):
-                        executor.spin_once(timeout_sec=TICK)
+                        loop.spin_once(TICK)
                         news = [*supervisor.poll(monitor.statuses, is_done), *recording.news, *farewell.news]
                         news += self._heal(supervisor, monitor)
                         recording.news.clear()

@@ -27,9 +27,11 @@ CONTENTS = {
     " learner, digest of the bag; per learner CVR, SR, FPR, FNR and learned constraints; consensus distances; the"
     " delivered graph, audited; wall time",
     "metrics.csv": "rates and consensus distances per learner and iteration",
-    "report.html": "the same with figures",
+    "report.html": "what was learned in words, rates, constraints, settings; one file, with its figures inside",
+    "report.md": "the same as Markdown",
     "map.png": "what each learner takes for forbidden, and how it would act",
     "curves.png": "rates and consensus distances against demonstrations",
+    "schedule.png": "who was to hear whom, slot by slot",
     "parameters": "theta and omega of every learner and iteration, and whose it mixed",
     "checkpoints": "of every learner; they hold demonstrations",
     "bag": "parameters, status and schedule of every learner; no demonstrations, which stay where they belong",

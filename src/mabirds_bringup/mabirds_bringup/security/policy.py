@@ -129,11 +129,11 @@ class Policy:
         """Who watches the network, and in resilient mode declares its members."""
         declared = [self._of(topics.MEMBERSHIP)] if self._has_members else []
         missed = self._each(self._learning, topics.FETCH_PARAMETERS)
-        yield _access("/", "monitor", publish=declared, subscribe=[*self._watched(), *declared], request=missed)
-        asked = self._each(self._learning, f"{'baseline' if self.method else 'learner'}/get_parameters")
-        yield _access("/", "inspector", subscribe=self._watched(), request=asked)
         called = [self._of(PLAYER, service) for service in player_services.PLAYER_SERVICES]
         heard = [self._of(PLAYER, player_services.STATUS)]
+        watched = [*self._watched(), *heard]
+        yield _access("/", "monitor", publish=declared, subscribe=[*watched, *declared], request=missed)
+        yield _access("/", "inspector", subscribe=watched)
         yield _access(self.fleet, "player_client", subscribe=heard, request=called)
         if self._has_members:
             heard = self._each(self._learning, topics.STATUS)
@@ -157,7 +157,7 @@ class Policy:
 
     @staticmethod
     def _shown() -> tuple[str, ...]:
-        return topics.PARAMETERS, topics.STATUS, topics.CONSTRAINTS, topics.EDGE_SCHEDULE
+        return topics.PARAMETERS, topics.STATUS, topics.CONSTRAINTS, topics.EDGE_SCHEDULE, topics.FEATURE_NAMES
 
     def _each(self, owners: Iterable[str], name: str) -> list[str]:
         return [self._of(owner, name) for owner in owners]

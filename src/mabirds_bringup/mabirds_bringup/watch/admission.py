@@ -3,13 +3,14 @@
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 
-from mabirds_msgs.msg import Constraints, EdgeSchedule, LearnerStatus
+from mabirds_msgs.msg import Constraints, EdgeSchedule, FeatureNames, LearnerStatus
 from mabirds_msgs.msg import Parameters as ParametersMessage
 
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.errors import RefusedMessageError
 from mabirds_core.experiment.assembly import build_game, build_learner, build_method
 from mabirds_core.experiment.file import Experiment
+from mabirds_core.experiment.names import parameter_names
 from mabirds_core.texts import truncate
 from mabirds_learner.diagnostics import HARMLESS
 from mabirds_learner.inbox import check_iteration
@@ -91,6 +92,13 @@ class MessageValidator:
             raise RefusedMessageError(
                 "impossible_constraints", f"{truncate(strangers[0])!r}: expected a cost feature of this experiment"
             )
+
+    def feature_names(self, name: str, message: FeatureNames) -> None:
+        """Are they of ``name``, and those of this experiment?"""
+        require_learner(message, name, self.digest)
+        expected = parameter_names(self._experiment, name, build_game(self._experiment))
+        if (*message.theta, *message.omega) != (*expected.theta, *expected.omega):
+            raise RefusedMessageError("impossible_names", "expected the names of this experiment's features")
 
     @cached_property
     def _features(self) -> set[str]:

@@ -1,26 +1,21 @@
-"""A node that finds the learners of a domain and shows what they publish."""
+"""A node that finds the learners and players of a domain and keeps the newest that each of them says."""
 
-import math
-from collections import Counter
+import time
+from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
 from typing import Any
 
-import numpy as np
-from mabirds_msgs.msg import Constraints, EdgeSchedule, LearnerStatus, Parameters
-from rcl_interfaces.srv import GetParameters
-from rclpy.client import Client
+from mabirds_msgs.msg import Constraints, EdgeSchedule, FeatureNames, LearnerStatus, Parameters, PlayerStatus
 
-from mabirds_bringup.watch.live_table import STATES
-from mabirds_core.errors import MabirdsError, RefusedMessageError
-from mabirds_core.experiment.assembly import build_game, method_names
-from mabirds_core.experiment.file import load_experiment
-from mabirds_core.metrics.metrics import norms
-from mabirds_msgs_py import topics
+from mabirds_core.consensus.schedule import EdgeSchedule as Schedule
+from mabirds_core.errors import RefusedMessageError
+from mabirds_core.experiment.names import ParameterNames
+from mabirds_msgs_py import player_services, topics
 from mabirds_msgs_py.constraints_conversion import read_constraints
 from mabirds_msgs_py.conversion import arrays, read_schedule
+from mabirds_msgs_py.feature_names_conversion import read_feature_names
 from mabirds_msgs_py.interfaces import type_name
 from mabirds_msgs_py.network_node import NetworkNode
 from mabirds_msgs_py.qos import STATUS_QOS, latched
@@ -28,14 +23,21 @@ from mabirds_msgs_py.qos import STATUS_QOS, latched
 SEARCH_PERIOD = 0.2
 """Seconds between two looks at the ROS graph."""
 
-MAX_PATH = 1000
-"""Characters of the path that a learner names; no file is looked for under a longer one."""
+BURST, SILENCE = 0.5, 2.0
+"""Seconds for which latched messages may keep coming, and of silence after which no more are to be expected."""
+
+NEWEST = 4
+"""Iterations of parameters that wait to be looked at: of two learners some are the same."""
+
+RATED = 50
+"""Newest statuses of which the rate is told."""
 
 READABLE: dict[type, Callable[[Any], object]] = {
     LearnerStatus: lambda _: None,
     Parameters: arrays,
     Constraints: read_constraints,
     EdgeSchedule: read_schedule,
+    FeatureNames: read_feature_names,
 }
 """What raises RefusedMessageError for a message that cannot be shown."""
 
@@ -50,42 +52,81 @@ class WatchedLearner:
     parameters: Parameters | None = None
     schedule: EdgeSchedule | None = None
     constraints: Constraints | None = None
-    feature_names: tuple[str, ...] | None = None
-    asked_for_names: bool = False
-    answered: bool = False
+    feature_names: FeatureNames | None = None
+    first_heard: float | None = None
+    last_heard: float = 0.0
+    progress: deque[tuple[float, int]] = field(default_factory=lambda: deque(maxlen=RATED))
 
     @property
-    def complete(self) -> bool:
-        """Has everything arrived that ``describe`` can show? Constraints come at the end, and not of every game."""
-        return None not in (self.status, self.parameters, self.schedule) and self.answered
+    def name(self) -> str:
+        """Its name, which is the last part of its namespace."""
+        return topics.split_namespace(self.namespace)[1]
+
+    def note_status(self, now: float) -> None:
+        """A status has come: when, and at which iteration."""
+        if self.first_heard is None:
+            self.first_heard = now
+        self.last_heard = now
+        self.progress.append((now, self.status.iteration if self.status else 0))
+
+    def is_newest(self, now: float) -> bool:
+        """Is the status one of now, not one of those that a publisher keeps for late joiners?
+
+        They come in order and at once, so one that comes later is new. A learner in a long update says nothing.
+        """
+        if self.first_heard is None:
+            return False
+        return self.last_heard - self.first_heard >= BURST or now - self.last_heard >= SILENCE
+
+    def is_complete(self, now: float) -> bool:
+        """Has the newest of everything arrived? Constraints come at the end, and not of every game."""
+        if self.status is None or self.parameters is None or self.schedule is None or self.feature_names is None:
+            return False
+        return self.parameters.iteration >= self.status.iteration and self.is_newest(now)
+
+    @property
+    def rate(self) -> float | None:
+        """Iterations per second, of the newest statuses; None before there are two."""
+        if len(self.progress) < 2:
+            return None
+        (begun, first), (ended, last) = self.progress[0], self.progress[-1]
+        return (last - first) / (ended - begun) if ended > begun else None
+
+    @property
+    def names(self) -> ParameterNames:
+        """Of theta and omega; empty as long as they have not been heard."""
+        return read_feature_names(self.feature_names) if self.feature_names else ParameterNames((), ())
+
+    @property
+    def edges(self) -> Schedule | None:
+        """The schedule that it follows, as it says."""
+        return read_schedule(self.schedule) if self.schedule else None
 
 
 class InspectorNode(NetworkNode):
-    """Calls ``on_parameters``, ``on_status`` and ``on_constraints`` with a learner at each of its messages.
+    """Keeps the newest of every learner and player, and calls ``on_message`` with a learner and what has come of it.
 
-    Names of cost features come from the learner's own experiment file, where it can be read here and has the digest
-    that the learner publishes; elsewhere features are numbered.
+    Names of features come from the learners, so that they are known on every host and to those who come late.
     """
 
     def __init__(
         self,
-        on_parameters: Callable[[WatchedLearner], None] = lambda _: None,
-        on_status: Callable[[WatchedLearner], None] = lambda _: None,
-        on_constraints: Callable[[WatchedLearner], None] = lambda _: None,
+        on_message: Callable[[WatchedLearner, str], None] = lambda _, __: None,
+        name: str = "inspector",
         **node_options: Any,
     ) -> None:
-        super().__init__("inspector", **node_options)
+        super().__init__(name, **node_options)
         self.learners: dict[str, WatchedLearner] = {}
-        self._on_parameters, self._on_status, self._on_constraints = on_parameters, on_status, on_constraints
-        self._parameter_clients: dict[str, Client] = {}
+        self.players: dict[str, PlayerStatus | None] = {}
+        self._on_message = on_message
         self.create_timer(SEARCH_PERIOD, self._search)
 
     @property
     def complete(self) -> bool:
-        """Has every learner of the schedules been found and heard?"""
-        return (
-            bool(self.learners) and not self.missing() and all(learner.complete for learner in self.learners.values())
-        )
+        """Has every learner of the schedules been found, and its newest been heard?"""
+        now = time.monotonic()
+        learners = self.learners.values()
+        return bool(learners) and not self.missing() and all(learner.is_complete(now) for learner in learners)
 
     def missing(self) -> list[str]:
         """Learners that a schedule names and that were not found."""
@@ -95,104 +136,33 @@ class InspectorNode(NetworkNode):
 
     def _search(self) -> None:
         for topic, types in self.get_topic_names_and_types():
-            namespace = topic.removesuffix(f"/{topics.STATUS}")
-            if type_name(LearnerStatus) in types and namespace != topic and namespace not in self.learners:
-                self._watch(namespace)
-        for learner in self.learners.values():
-            self._ask_for_names(learner)
+            namespace, _, last = topic.rpartition("/")
+            if last == topics.STATUS and type_name(LearnerStatus) in types and namespace not in self.learners:
+                self.watch(namespace)
+            if last == player_services.STATUS and type_name(PlayerStatus) in types and topic not in self.players:
+                self.players[topic] = None
+                self.create_subscription(PlayerStatus, topic, partial(self.players.__setitem__, topic), STATUS_QOS)
 
-    def _watch(self, namespace: str) -> None:
+    def watch(self, namespace: str) -> None:
+        """Listen to all that the learner of a namespace says."""
         learner = self.learners[namespace] = WatchedLearner(namespace)
-        node = "baseline" if topics.split_namespace(namespace)[1] in method_names() else "learner"
-        self._parameter_clients[namespace] = self.create_client(GetParameters, f"{namespace}/{node}/get_parameters")
-        for message_type, topic, name, qos, tell in (
-            (LearnerStatus, topics.STATUS, "status", STATUS_QOS, self._on_status),
-            (Parameters, topics.PARAMETERS, "parameters", latched(64), self._on_parameters),
-            (EdgeSchedule, topics.EDGE_SCHEDULE, "schedule", STATUS_QOS, lambda _: None),
-            (Constraints, topics.CONSTRAINTS, "constraints", STATUS_QOS, self._on_constraints),
+        for message_type, topic, name, qos in (
+            (LearnerStatus, topics.STATUS, "status", STATUS_QOS),
+            (Parameters, topics.PARAMETERS, "parameters", latched(NEWEST)),
+            (EdgeSchedule, topics.EDGE_SCHEDULE, "schedule", STATUS_QOS),
+            (Constraints, topics.CONSTRAINTS, "constraints", STATUS_QOS),
+            (FeatureNames, topics.FEATURE_NAMES, "feature_names", STATUS_QOS),
         ):
-            receive = partial(self._on_message, learner, name, tell)
+            receive = partial(self._receive, learner, name)
             self.create_subscription(message_type, f"{namespace}/{topic}", receive, qos)
 
-    def _on_message(
-        self, learner: WatchedLearner, name: str, tell: Callable[[WatchedLearner], None], message: Any
-    ) -> None:
+    def _receive(self, learner: WatchedLearner, name: str, message: Any) -> None:
         try:
             READABLE[type(message)](message)
         except RefusedMessageError as error:
             learner.refused[error.reason] += 1
             return
         setattr(learner, name, message)
-        tell(learner)
-
-    def _ask_for_names(self, learner: WatchedLearner) -> None:
-        client = self._parameter_clients[learner.namespace]
-        if not learner.asked_for_names and learner.parameters is not None and client.service_is_ready():
-            learner.asked_for_names = True
-            request = GetParameters.Request(names=["experiment", "run"])
-            client.call_async(request).add_done_callback(partial(self._on_experiment, learner))
-
-    def _on_experiment(self, learner: WatchedLearner, future: Any) -> None:
-        learner.answered = True
-        values = [value.string_value for value in future.result().values]
-        if len(values) != 2 or len(values[0]) > MAX_PATH or not Path(values[0]).is_file():
-            return  # of another host: features stay numbered
-        file, run = values
-        try:
-            experiment = load_experiment(Path(file))
-        except MabirdsError:
-            return
-        if learner.parameters is not None and experiment.run_digest(run) == learner.parameters.experiment_digest:
-            learner.feature_names = build_game(experiment).cost_features.names
-
-
-def describe(learner: WatchedLearner, top: int) -> dict[str, Any]:
-    """Everything about a learner as plain values; ``top``: how many of the costliest features."""
-    content: dict[str, Any] = {"namespace": learner.namespace}
-    if learner.status is not None:
-        status = learner.status
-        content |= {
-            "state": STATES.get(status.state, f"unknown state {status.state}"),
-            "iteration": status.iteration,
-            "waiting_for": list(status.waiting_for),
-            "backlog": status.backlog,
-            "last_demonstration": status.last_demonstration,
-            "mixed_from": list(status.mixed_from),
-            "metrics": dict(zip(status.metric_names, map(_number, status.metric_values), strict=False)),
-            "dropped": dict(zip(status.drop_reasons, map(int, status.drop_counts), strict=False)),
-            "message": status.message,
-        }
-    if learner.refused:
-        content["refused"] = dict(learner.refused)
-    if learner.parameters is not None:
-        content["parameters"] = describe_parameters(learner, top)
-    if learner.constraints is not None:
-        message = learner.constraints
-        content["constraints"] = {
-            "iteration": message.iteration,
-            "level": message.level,
-            "undetermined": message.undetermined,
-            "by_name": read_constraints(message),
-        }
-    return content
-
-
-def describe_parameters(learner: WatchedLearner, top: int) -> dict[str, Any]:
-    """Iteration, norms and the costliest features of the newest parameters."""
-    parameters = arrays(learner.parameters)
-    order = np.argsort(parameters.omega, kind="stable")[:top]
-    return {
-        "iteration": learner.parameters.iteration if learner.parameters else None,
-        **norms(parameters),
-        "costliest": [{"feature": _name(learner, int(k)), "cost": float(0.0 - parameters.omega[k])} for k in order],
-    }
-
-
-def _name(learner: WatchedLearner, feature: int) -> str:
-    names = learner.feature_names or ()
-    return names[feature] if feature < len(names) else f"feature {feature}"
-
-
-def _number(value: float) -> float | None:
-    """The number as JSON knows it: NaN and infinity are no numbers there."""
-    return value if math.isfinite(value) else None
+        if name == "status":
+            learner.note_status(time.monotonic())
+        self._on_message(learner, name)

@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
-from mabirds_msgs.msg import Constraints, EdgeSchedule, LearnerStatus, Membership
+from mabirds_msgs.msg import Constraints, EdgeSchedule, FeatureNames, LearnerStatus, Membership, PlayerStatus
 from mabirds_msgs.msg import Parameters as ParametersMessage
 from mabirds_msgs.srv import FetchParameters
 from rclpy.client import Client
@@ -23,6 +23,7 @@ from mabirds_msgs_py import topics
 from mabirds_msgs_py.conversion import nanoseconds
 from mabirds_msgs_py.mass_conversion import membership_message, read_membership
 from mabirds_msgs_py.network_node import NetworkNode
+from mabirds_msgs_py.player_services import STATUS
 from mabirds_msgs_py.presence import LivelinessMonitor
 from mabirds_msgs_py.qos import STATUS_QOS, announced, latched
 from mabirds_msgs_py.security import is_requested
@@ -31,6 +32,9 @@ from mabirds_msgs_py.settings_inquiry import SettingsInquiry
 DEPTH = 10_000
 """The monitor must not lose what learners publish while it draws; writers keep less, so this costs nothing."""
 
+
+PLAYER_STATUS = f"expert_player/{STATUS}"
+"""Where the player of `mabirds run` says how it stands."""
 
 OTHER_EXPERIMENT = ("wrong_experiment", "wrong_schedule")
 """Reasons for which what learners of an experiment's names say is refused where it is another one."""
@@ -51,8 +55,9 @@ class MonitorNode(NetworkNode):
     """Collects theta(n), omega(n) and the newest status of every learner of an experiment, and records all to a bag.
 
     ``names``: who learns, where it is not the experiment's learners. ``directory``: of the files of ``kept``, which a
-    run that goes on begins with; None: of no use afterwards. ``parameters[name][n]``, ``statuses[name]``; ``presence``:
-    whose process is gone. ``lost``: by name, iterations that were missed and that nobody keeps any more.
+    run that goes on begins with; None: of no use afterwards. ``parameters[name][n]``, ``statuses[name]``; ``player``:
+    its newest status; ``presence``: whose process is gone. ``lost``: by name, iterations that were missed and that
+    nobody keeps any more.
     ``key``: of its declarations.
     Messages of other runs, and what no learner of the experiment can say, are neither shown nor recorded; ``drops``
     counts them by reason, and ``refusals`` says why, of the newest for each reason.
@@ -79,6 +84,7 @@ class MonitorNode(NetworkNode):
         self.kept = WatchedHistory(directory, self._admission.initial, experiment.learners, self._admission.digest)
         self.parameters = self.kept.parameters
         self.statuses: dict[str, LearnerStatus] = {}
+        self.player: PlayerStatus | None = None
         self.presence = LivelinessMonitor()
         self.lost: dict[str, set[int]] = {name: set() for name in self.names}
         self._fetch: dict[str, Client] = {}
@@ -91,6 +97,7 @@ class MonitorNode(NetworkNode):
             self.create_subscription(Membership, topics.MEMBERSHIP, self._on_membership, latched(DEPTH))
         for name in self.names:
             self._watch(name)
+        self.create_subscription(PlayerStatus, PLAYER_STATUS, self._on_player, STATUS_QOS)
         self.create_timer(GAP_PERIOD, self._ask_for_gaps)
 
     def destroy_node(self) -> None:
@@ -104,6 +111,7 @@ class MonitorNode(NetworkNode):
             (LearnerStatus, topics.STATUS, latched(DEPTH), self._on_status, None),
             (Constraints, topics.CONSTRAINTS, STATUS_QOS, self._on_constraints, None),
             (EdgeSchedule, topics.EDGE_SCHEDULE, STATUS_QOS, self._on_schedule, None),
+            (FeatureNames, topics.FEATURE_NAMES, STATUS_QOS, self._on_feature_names, None),
         ):
             self.create_subscription(
                 message_type, f"{name}/{topic}", partial(receive, name), qos, event_callbacks=events
@@ -216,6 +224,18 @@ class MonitorNode(NetworkNode):
             self._drop(f"{topics.CONSTRAINTS} of {name}", error)
             return
         self._record(name, topics.CONSTRAINTS, message, nanoseconds(message.stamp))
+
+    def _on_player(self, message: PlayerStatus) -> None:
+        if message.experiment_digest == self.digest:
+            self.player = message
+
+    def _on_feature_names(self, name: str, message: FeatureNames) -> None:
+        try:
+            self._admission.feature_names(name, message)
+        except RefusedMessageError as error:
+            self._drop(f"{topics.FEATURE_NAMES} of {name}", error)
+            return
+        self._record(name, topics.FEATURE_NAMES, message, nanoseconds(message.stamp))
 
     def _on_schedule(self, name: str, message: EdgeSchedule) -> None:
         try:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from mabirds_core.arrays import Array, Vector
@@ -15,6 +16,7 @@ from mabirds_core.games.drones.planner_settings import LatticeSettings, SoftActo
 from mabirds_core.games.drones.recorded import fit_places
 from mabirds_core.games.drones.rewards import DroneRewardModel, LinearDroneReward, NeuralDroneReward, TrueDroneReward
 from mabirds_core.games.drones.rollouts import SampledDroneOccupancy
+from mabirds_core.games.drones.scene import DroneScene
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.games.recordings import Fit
 from mabirds_core.games.whole_game import Experts, Learned
@@ -36,6 +38,11 @@ class WholeDroneGame(DroneGame):
 
     expectations = ("sampled",)
     expert_kinds = ("pilots",)
+
+    @cached_property
+    def scene(self) -> DroneScene:
+        """The arena from above."""
+        return DroneScene(self)
 
     @property
     def judge(self) -> RolloutJudge:

@@ -1,15 +1,22 @@
 """The patrol game with its picture."""
 
 from collections.abc import Mapping
+from functools import cached_property
 from typing import Any
 
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.games.patrol.game import PatrolGame
+from mabirds_core.games.patrol.scene import PatrolScene
 from mabirds_core.games.whole_game import Learned
 
 
 class WholePatrolGame(PatrolGame):
     """``games.whole_game.Game`` of patrols."""
+
+    @cached_property
+    def scene(self) -> PatrolScene:
+        """The map from above."""
+        return PatrolScene(self)
 
     def figure(self, learned: Mapping[str, Learned], threshold: float, seed: int) -> Any:  # noqa: ARG002
         """A map of each expert for each name: visits, and what counts as forbidden."""

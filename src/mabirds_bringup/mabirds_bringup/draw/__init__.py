@@ -1,0 +1,1 @@
+"""Topics that stock tools draw, and pictures of them."""

@@ -1,0 +1,1 @@
+"""Looking at any topic, parameter or service by name."""
