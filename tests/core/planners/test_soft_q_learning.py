@@ -12,7 +12,7 @@ from games import alone, hallway, patrol, random_policy, square, trio
 
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Array, Indices
-from mabirds_core.experiment.assembly import build_game, build_learner
+from mabirds_core.experiment.assembly import build_game, build_learner, build_reward
 from mabirds_core.experiment.simulate import simulate
 from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_core.metrics.metrics import exact_imitation, policy_distance
@@ -324,7 +324,7 @@ def test_learners_learn_by_it_what_they_learn_by_exact_policies() -> None:
     settings = [experiment(changes), experiment({**changes, "algorithm.policy": LEARNED})]
     game, streams = build_game(settings[0]), demonstrations(settings[0])
     histories = [simulate(one, streams) for one in settings]
-    truth = exact(game)
+    truth = SoftBellmanPlanner(game, build_reward(settings[0], game), game.cost_features)
     for name in settings[0].learners:
         by_exact, by_learning = (truth.plan(*history[name][-1]) for history in histories)
         first = truth.plan(*histories[1][name][0])

@@ -101,8 +101,8 @@ class PatrolGame(EnumerableGame):
         return PatrolRewardFeatures(self.grid)
 
     def arriving_reward(self) -> ArrivingReward | LinearReward:
-        """theta^T of the moves' indicators, and of being late; where moves slip they do not say who is."""
-        if self.settings.slip:
+        """theta^T of the moves' indicators, and of being late; of who slips or leaves, moves do not say it."""
+        if self.settings.slip or self.settings.leaving:
             return self.linear_reward()
         return ArrivingReward(self.reward_features, lateness(self.grid, self.discount, self.horizon))
 
