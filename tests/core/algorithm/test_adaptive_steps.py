@@ -72,7 +72,7 @@ def literal_steps(estimates: list[GradientEstimate]) -> list[dict[str, list[floa
                 key, c = (name, k), PRIORS[name]
                 if name in counted:
                     a = 0.6 / (1 + n / 10) ** 0.75 / max(1.0, active)
-                    g = log((e + c / n) / (m + c / n))
+                    g = max(log((e + c / n) / (m + c / n)), -2.0)
                     momenta[key] = 0.7 * momenta.get(key, 0.0) + 0.3 * a * g
                     step[name].append(momenta[key])
                 else:
@@ -107,12 +107,20 @@ def test_what_is_expected_too_often_loses_weight_and_what_is_expected_too_seldom
 
 @every_kind
 def test_exchanging_both_sides_turns_the_step_around(counts: Counts) -> None:
-    """Between sides of as many active features, on which the size of a step hangs."""
-    first, second = (Parameters(np.array(theta), np.array(omega)) for theta, omega in (([1, 3.0], [2.0, 0]),) * 2)
+    """Between sides of as many active features, on which the size of a step hangs, and that differ by less than e^2."""
+    first, second = (Parameters(np.array(theta), np.array(omega)) for theta, omega in (([1, 3.0], [2.0, 1]),) * 2)
     second = Parameters(first.theta[::-1], first.omega[::-1])
     (there,), (back,) = steps_of([estimate(first, second, counts)]), steps_of([estimate(second, first, counts)])
     np.testing.assert_allclose(there.theta, -back.theta, rtol=1e-14)
     np.testing.assert_allclose(there.omega, -back.omega, rtol=1e-14)
+
+
+def test_what_is_never_done_is_called_back_no_more_than_what_is_done_a_seventh_as_often() -> None:
+    shown, done = (Parameters(np.array([1.0, 1.0]), np.array([1.0, 1.0])) for _ in range(2))
+    done = Parameters(np.array([0.0, 1 / 9]), np.array([0.0, 1 / 8]))
+    (step,) = steps_of([estimate(done, shown)])
+    assert step.omega[0] == step.omega[1] == step.theta[0] < 0
+    assert step.theta[0] < step.theta[1] < 0
 
 
 def test_twice_as_many_visits_as_shown_are_answered_alike_in_busy_and_in_lonely_cells() -> None:
