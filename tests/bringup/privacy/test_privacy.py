@@ -50,12 +50,11 @@ def make(make_experiment: Callable[..., Path]) -> Callable[..., Experiment]:
         (PAPER, {}, 0.95),
         (SAMPLED, {}, 0.95),
         ({**PAPER, "window": 4}, {}, 0.95),
-        (DEFAULT, {}, 0.95),
-        ({"window": 3}, {}, 0.95),
+        (DEFAULT, {}, 0.45),  # steps that are as long as they can be tell no more than the least of a count
         (PAPER, {"game": MANY_STARTS}, 0.6),  # a step of nothing does not tell where it began
-        (DEFAULT, {"game": MANY_STARTS}, 0.95),
+        (DEFAULT, {"game": MANY_STARTS}, 0.6),
     ],
-    ids=["paper", "sampled", "window of 4", "default", "default, window of 3", "paper, starts", "default, starts"],
+    ids=["paper", "sampled", "window of 4", "default", "paper, starts", "default, starts"],
 )
 def test_private_demonstrations_are_rebuilt(
     make: Callable[..., Experiment], algorithm: dict[str, Any], change: dict[str, Any], least: float
@@ -113,8 +112,10 @@ def test_a_step_undone_is_what_was_demonstrated(make: Callable[..., Experiment],
         step, after = learner.steps.step(state, estimate, n)
         blind = estimate._replace(observed=Parameters(np.full(5, np.nan), np.full(4, np.nan)))
         found, remembered = learner.steps.reveal(state, step, blind, n)  # type: ignore[attr-defined]
-        np.testing.assert_allclose(found.theta, observed.theta, atol=1e-9)
-        np.testing.assert_allclose(found.omega, observed.omega, atol=1e-9)
+        for told, shown, done in zip(found, observed, imagined, strict=True):
+            bounded = (shown > done) if algorithm == DEFAULT else np.zeros(len(shown), dtype=np.bool_)
+            np.testing.assert_allclose(told[~bounded], shown[~bounded], atol=1e-9)
+            assert (told <= shown + 1e-9).all()
         assert all(np.array_equal(remembered[name], values) for name, values in after.items())
         state, observed = after, drawn()
 
@@ -152,6 +153,6 @@ def test_of_the_papers_game_documents_say_what_is_rebuilt(tmp_path: Path, algori
     experiment = load_experiment(tmp_path / "experiment.yaml")
     record(experiment, experiment.demonstrations.bag)
     found = audit(experiment, simulate_from_bag(experiment), demonstrations_of(experiment))
-    assert min(revealed.steps for revealed in found.values()) >= 0.95
-    row = "the paper's, window 1" if algorithm else "the default"
-    assert f"| {row} | 100.0 % | 40 of 40 |" in SECURITY.read_text(encoding="utf-8")
+    assert min(revealed.steps for revealed in found.values()) >= (0.95 if algorithm else 0.3)
+    row = "the paper's, window 1 | 100.0 % | 40 of 40" if algorithm else "the default | 87.2 % | 35 of 40"
+    assert f"| {row} |" in SECURITY.read_text(encoding="utf-8")

@@ -64,7 +64,7 @@ def test_a_run_may_be_evaluated_later(make_experiment: Callable[..., Path], tmp_
     before = summary_of(later)
     assert (before["complete"], "learners" in before, (later / "report.html").exists()) == (True, False, False)
     assert check(later) == 0
-    assert report(later) == 0
+    assert report([later]) == 0
     assert summary_of(later) == {**summary_of(tmp_path / "at_once" / "latest"), "wall_seconds": before["wall_seconds"]}
     assert (later / "metrics.csv").read_bytes() == (tmp_path / "at_once" / "latest" / "metrics.csv").read_bytes()
 

@@ -80,7 +80,7 @@ class Experiment(Settings):
     iterations: int = Field(ge=1, le=1_000_000, description="updates per learner, one demonstration each")
     closing_rounds: int = Field(0, ge=0, le=10_000, description="rounds of averaging alone, after the last update")
     seed: int = Field(0, ge=0, description="of the learners' rollouts")
-    constraint_confidence: float = Field(0.6, gt=0, lt=1, description="at which a feature is called a constraint")
+    constraint_confidence: float = Field(0.5, gt=0, lt=1, description="at which a feature is called a constraint")
     constraint_threshold: float = Field(
         0.005, ge=0, description="the paper's rule, for games without a test: a constraint where -omega exceeds this"
     )

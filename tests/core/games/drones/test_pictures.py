@@ -162,8 +162,9 @@ def evaluation(drones: Experiment, history: History, streams: dict[str, list[Tra
 def test_a_run_of_drones_has_its_pictures(
     drones: Experiment, history: History, evaluation: Evaluation, tmp_path: Path
 ) -> None:
-    assert save_figures(drones, history, evaluation, tmp_path) == ["map.png", "curves.png"]
-    assert all((tmp_path / name).read_bytes().startswith(b"\x89PNG") for name in ("map.png", "curves.png"))
+    pictures = save_figures(drones, history, evaluation, tmp_path)
+    assert list(pictures) == ["map.png", "curves.png", "schedule.png"]
+    assert all((tmp_path / name).read_bytes().startswith(b"\x89PNG") for name in pictures)
 
 
 def test_the_map_of_a_run_of_drones_shows_every_learner(
