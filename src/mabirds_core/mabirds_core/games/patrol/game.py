@@ -70,7 +70,7 @@ class PatrolGame(EnumerableGame):
     @cached_property
     def transitions(self) -> Transitions:
         """Where moves lead, as chosen or slipping."""
-        chosen, slip = Deterministic(self.successor), self.settings.slip
+        chosen, slip = Deterministic(lambda: self.successor), self.settings.slip
         return Slipping(chosen, self.n_experts, self.n_moves, slip) if slip else chosen
 
     @property

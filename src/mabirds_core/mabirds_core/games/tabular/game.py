@@ -36,7 +36,7 @@ class EnumerableGame:
     @property
     def transitions(self: TabularGame) -> Transitions:
         """Every pair leads to its successor."""
-        return Deterministic(self.successor)
+        return Deterministic(lambda: self.successor)
 
     @property
     def judge(self: NeutralGame) -> ExactJudge:

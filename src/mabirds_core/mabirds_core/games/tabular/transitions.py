@@ -7,6 +7,7 @@ moves in place of one over all M^N_E joint outcomes. The same means carry probab
 the move that is chosen and the move that is made.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -21,14 +22,19 @@ class Deterministic:
 
     Attributes
     ----------
-    successor : Indices
-        Shape (S, A).
+    table : Callable[[], Indices]
+        Gives the successors, shape (S, A): games whose policies are found by expert never ask for so large a table.
     deterministic : bool
         True.
     """
 
-    successor: Indices
+    table: Callable[[], Indices]
     deterministic: ClassVar[bool] = True
+
+    @property
+    def successor(self) -> Indices:
+        """Shape (S, A)."""
+        return self.table()
 
     def expected(self, values: Vector, states: Indices | slice) -> Array:
         """The values of the successors, shape (M, A)."""
