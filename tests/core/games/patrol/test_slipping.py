@@ -285,7 +285,8 @@ def test_slip_0_is_the_deterministic_game_bit_for_bit() -> None:
 def test_the_arithmetic_of_slips_is_exact_at_slip_0() -> None:
     plain = slippery(0.0, 5)
     never = slippery(0.0, 5)
-    never.__dict__["transitions"] = Slipping(Deterministic(lambda: never.successor), never.n_experts, never.n_moves, 0.0)
+    chosen = Deterministic(lambda: never.successor)
+    never.__dict__["transitions"] = Slipping(chosen, never.n_experts, never.n_moves, 0.0)
     reward = table(plain, *drawn(plain))
     ours, theirs = (soft_bellman_policy(game, reward) for game in (plain, never))
     np.testing.assert_array_equal(ours.values, theirs.values)
