@@ -110,10 +110,8 @@ class Network:
         a node ends early and may not be started again, and ExperimentError when another host of the same run has
         another experiment. All processes are stopped in any case.
         """
-        addresses, clock = (
-            AddressWatch(),
-            SetBack(),
-        )  # before the participant is made, which keeps addresses that there are
+        # Before the participant is made, which keeps addresses that there are.
+        addresses, clock = AddressWatch(), SetBack()
         start_ros(["--ros-args", *enclave_arguments("/monitor")], signal_handler_options=SignalHandlerOptions.NO)
         before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # end as on Ctrl-C: nothing left behind
         supervisor = Supervisor(self._commands(), self.directory / "logs", self.restarts, self._optional)
