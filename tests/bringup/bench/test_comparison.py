@@ -18,8 +18,8 @@ from mabirds_core.experiment.assembly import build_game, evaluation_policy
 from mabirds_core.experiment.file import load_experiment
 from mabirds_core.experiment.simulate import simulate
 from mabirds_core.games.interface import shown_features
+from mabirds_core.games.judging import ImitationMetrics
 from mabirds_core.games.tabular.decidable import touch_without
-from mabirds_core.games.whole_game import ImitationMetrics
 
 MakeExperiment = Callable[..., Path]
 

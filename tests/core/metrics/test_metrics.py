@@ -19,8 +19,8 @@ from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.metrics import drone_imitation, place_visitation, visitation_distance
 from mabirds_core.games.interface import TabularGame, Trajectories
+from mabirds_core.games.judging import ImitationMetrics
 from mabirds_core.games.patrol.game import PatrolGame
-from mabirds_core.games.whole_game import ImitationMetrics
 from mabirds_core.metrics.metrics import (
     consensus_distance,
     exact_imitation,

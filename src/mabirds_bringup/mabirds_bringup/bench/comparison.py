@@ -14,9 +14,10 @@ from mabirds_core.arrays import Mask, Vector
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import Streams
+from mabirds_core.games.judging import ImitationMetrics
 from mabirds_core.games.tabular.decidable import touch_without
 from mabirds_core.games.truth import known_constraints
-from mabirds_core.games.whole_game import Game, ImitationMetrics
+from mabirds_core.games.whole_game import Game
 from mabirds_core.metrics.constraints import constraint_errors
 from mabirds_core.metrics.curves import LATE
 

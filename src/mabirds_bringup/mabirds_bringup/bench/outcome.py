@@ -20,8 +20,9 @@ from mabirds_core.experiment.assembly import build_game, evaluation_policy
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History, Progress, Streams, simulate, simulate_central
 from mabirds_core.games.interface import Trajectories
+from mabirds_core.games.judging import ImitationMetrics
 from mabirds_core.games.truth import known_constraints, known_rates
-from mabirds_core.games.whole_game import Game, ImitationMetrics
+from mabirds_core.games.whole_game import Game
 from mabirds_core.metrics.constraints import by_threshold, constraint_errors
 from mabirds_core.metrics.metrics import consensus_distance
 from mabirds_expert_player.recorder import expert_streams

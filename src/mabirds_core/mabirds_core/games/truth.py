@@ -5,7 +5,7 @@ from typing import Any
 from mabirds_core.arrays import Mask
 from mabirds_core.errors import UnknownTruthError
 from mabirds_core.games.interface import ConstrainedMarkovGame
-from mabirds_core.games.whole_game import ImitationMetrics, Judge
+from mabirds_core.games.judging import ImitationMetrics, Judge
 
 
 def known_constraints(game: ConstrainedMarkovGame) -> Mask:

@@ -11,7 +11,7 @@ import numpy as np
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Vector
 from mabirds_core.games.interface import TabularGame, Trajectories
-from mabirds_core.games.whole_game import ImitationMetrics
+from mabirds_core.games.judging import ImitationMetrics
 from mabirds_core.planners.interface import TabularPolicy
 from mabirds_core.planners.occupancy import occupancy_measure
 

@@ -16,9 +16,9 @@ from mabirds_core.experiment.assembly import build_game, evaluation_policy
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History, simulate, simulate_central
 from mabirds_core.games.interface import Trajectories, shown_features
+from mabirds_core.games.judging import ImitationMetrics
 from mabirds_core.games.tabular.decidable import touch_without
 from mabirds_core.games.truth import known_constraints, known_rates
-from mabirds_core.games.whole_game import ImitationMetrics
 from mabirds_core.metrics.constraints import by_threshold, constraint_errors, ranking_auc
 from mabirds_core.metrics.curves import LATE, late_mean, late_minimum
 from mabirds_core.metrics.likelihood import log_likelihoods

@@ -11,7 +11,7 @@ from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.metrics import drone_imitation, place_visitation, visitation_distance
 from mabirds_core.games.drones.rollouts import DronePolicy, drone_rollouts
 from mabirds_core.games.interface import ShownFeatures, Trajectories
-from mabirds_core.games.whole_game import ImitationMetrics
+from mabirds_core.games.judging import ImitationMetrics
 
 EVAL_ROLLOUTS = 500
 """Rollouts that judge a policy."""

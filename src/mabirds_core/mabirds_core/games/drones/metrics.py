@@ -7,7 +7,7 @@ import numpy as np
 from mabirds_core.arrays import Array, weighted_counts
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.interface import Trajectories
-from mabirds_core.games.whole_game import ImitationMetrics
+from mabirds_core.games.judging import ImitationMetrics
 
 
 def drone_imitation(game: DroneGame, trajectories: Trajectories) -> ImitationMetrics:

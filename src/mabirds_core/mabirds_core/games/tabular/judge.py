@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Vector
 from mabirds_core.games.interface import ShownFeatures, Trajectories
+from mabirds_core.games.judging import ImitationMetrics
 from mabirds_core.games.tabular.constraint_test import NeutralGame, constraint_confidences
-from mabirds_core.games.whole_game import ImitationMetrics
 from mabirds_core.metrics.likelihood import log_likelihoods
 from mabirds_core.metrics.metrics import exact_imitation, policy_distance
 from mabirds_core.planners.interface import TabularPolicy
