@@ -103,6 +103,21 @@ def test_the_live_table_fits_60_columns_and_keeps_their_widths(experiment: Exper
     assert "123.4" in row  # seconds of six letters, cut short rather than moved
 
 
+def test_the_slowest_learner_says_how_long_all_take() -> None:
+    seconds, learned = iter([0.0, 0.0, 10.0, 10.0]), {"quick": 1, "slow": 1}
+
+    def statuses() -> Any:
+        return SimpleNamespace(statuses={name: SimpleNamespace(last_demonstration=n) for name, n in learned.items()})
+
+    pace = Pace(lambda: next(seconds))
+    assert pace.slowest(41) == ""
+    pace.note(statuses())
+    assert pace.slowest(41) == ""
+    learned |= {"quick": 21, "slow": 11}
+    pace.note(statuses())
+    assert pace.slowest(41) == "30s"
+
+
 def test_nothing_is_printed_twice_where_there_is_no_terminal(
     experiment: Experiment, monitor: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:

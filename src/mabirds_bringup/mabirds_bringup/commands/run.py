@@ -25,7 +25,6 @@ from mabirds_bringup.run.stored_run import NETWORK, RunPlan, StoredRun, begin, f
 from mabirds_bringup.run.supervisor import Supervisor
 from mabirds_bringup.watch.live_table import Pace, live_table, plain_line
 from mabirds_bringup.watch.monitor import MonitorNode
-from mabirds_bringup.watch.time_left import TimeLeft
 from mabirds_core.errors import ExperimentError, MabirdsError
 from mabirds_core.experiment.file import Experiment, load_experiment
 
@@ -194,7 +193,6 @@ class _Display:
         self._experiment, self._started = experiment, network.only or (*network.names, "the expert player")
         self._live = Live(console=console, refresh_per_second=4, transient=True) if console.is_terminal else None
         self._last, self._pace, self._printed = time.monotonic(), Pace(), ""
-        self._left = TimeLeft(experiment.iterations)
 
     def __enter__(self) -> Self:
         console.print(f"starting {', '.join(self._started)}", soft_wrap=True)
@@ -215,9 +213,9 @@ class _Display:
             return
         self._last = time.monotonic()
         self._pace.note(monitor)
-        left = self._left.words([int(status.last_demonstration) for status in monitor.statuses.values()])
         if self._live:
             self._live.update(live_table(self._experiment, monitor, self._pace))
         elif (line := plain_line(self._experiment, monitor)) != self._printed:
             self._printed = line
-            console.print("; ".join(filter(None, [line, left])), soft_wrap=True)
+            left = self._pace.slowest(self._experiment.iterations)
+            console.print(f"{line}; ETA {left}" if left else line, soft_wrap=True)

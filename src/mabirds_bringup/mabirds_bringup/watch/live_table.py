@@ -57,12 +57,20 @@ class Pace:
 
     def eta(self, name: str, total: int) -> str:
         """How long a learner still needs, in words; empty where that cannot be told."""
+        return eta_text(self._left(name, total))
+
+    def slowest(self, total: int) -> str:
+        """How long the slowest learner that moves still needs, in words; empty where that cannot be told."""
+        known = [left for name in self._seen if (left := self._left(name, total)) is not None]
+        return eta_text(max(known, default=None))
+
+    def _left(self, name: str, total: int) -> float | None:
         seen = self._seen[name]
         if not seen or seen[-1][1] >= total:
-            return ""
+            return None
         (begun, first), (ended, last) = seen[0], seen[-1]
         rate = (last - first) / (ended - begun) if ended > begun else None
-        return eta_text(remaining(last, total, rate))
+        return remaining(last, total, rate)
 
 
 def live_table(experiment: Experiment, monitor: MonitorNode, pace: Pace) -> Group:
