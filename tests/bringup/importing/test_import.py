@@ -320,3 +320,12 @@ def test_a_map_gives_the_area(tmp_path: Path) -> None:
     (tmp_path / "hall.yaml").write_text("{image: hall.pgm, resolution: 0.05, origin: [0.0, 0.0, 0.3]}")
     with pytest.raises(MabirdsError, match="yaw"):
         imported(tmp_path / "recording", given)
+
+
+def test_a_door_is_counted_from_the_corner_of_the_area(tmp_path: Path) -> None:
+    door = {"centre": [9.0, 0.7], "until": [9.0, 1.3], "radius": 0.4}
+    experts = [{**RULES["experts"][0], "goal": door}, RULES["experts"][1]]
+    area = {"corners": [[-1.0, -0.5], [10.0, 3.0]]}
+    result = imported(write_csv(tmp_path / "some.csv", pair(TIMES)), rules(**BY_LENGTH, experts=experts, area=area))
+    region = result.experiment.game.drones[0].goal_region
+    assert (region.centre, region.until, region.radius) == ((10.0, 1.2), (10.0, 1.8), 0.4)

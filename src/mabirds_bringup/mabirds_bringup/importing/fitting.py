@@ -103,7 +103,10 @@ def observed(episodes: Sequence[Episode], rules: ImportRules) -> Observed:
     step = rules.steps.time_step
     horizon = rules.steps.horizon or _horizon(episodes, rules)
     starts = np.stack([resampled(episode, step, 1)[0] - low for episode in episodes])
-    goals = [Goal(_pair(expert.goal.centre - low), expert.goal.radius) for expert in rules.experts]
+    goals = [
+        Goal(_pair(goal.centre - low), goal.radius, None if goal.until is None else _pair(goal.until - low))
+        for goal in (expert.goal for expert in rules.experts)
+    ]
     speed = rules.steps.max_speed or _fastest(episodes, step, horizon)
     return Observed(_pair(high - low), starts, goals, step, horizon, speed)
 

@@ -24,6 +24,12 @@ class Region(Settings):
     radius: Metres = Field(description="[m]")
 
 
+class GoalRule(Region):
+    """A disc, or a door."""
+
+    until: Point | None = Field(None, description="of a door, whose segment from `centre` to here is the way out")
+
+
 class ExpertRule(Settings):
     """Who is an expert, and where it goes."""
 
@@ -31,7 +37,7 @@ class ExpertRule(Settings):
     heads: Literal["east", "west", "north", "south"] | None = Field(
         None, description="any agent whose way from first to last place goes there most of all, instead of `agent`"
     )
-    goal: Region = Field(description="where it wants to be")
+    goal: GoalRule = Field(description="where it wants to be")
     enter: Region | None = Field(None, description="where it waits before an episode, for episodes by regions")
 
     @model_validator(mode="after")

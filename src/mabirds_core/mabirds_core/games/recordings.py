@@ -10,7 +10,7 @@ from mabirds_core.games.interface import Trajectories
 
 
 class Goal(NamedTuple):
-    """Where an expert wants to be: a disc.
+    """Where an expert wants to be: a disc, or a door, which is all that is near a segment.
 
     Attributes
     ----------
@@ -18,10 +18,13 @@ class Goal(NamedTuple):
         x, y [m].
     radius : float
         [m]
+    until : tuple[float, float] or None
+        The other end of a door [m].
     """
 
     centre: tuple[float, float]
     radius: float
+    until: tuple[float, float] | None
 
 
 class Observed(NamedTuple):

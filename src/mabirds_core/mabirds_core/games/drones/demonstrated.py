@@ -131,7 +131,7 @@ def straight_log_ratios(policy: LatticePolicy, demonstrations: Trajectories) -> 
 def _straight(drone: DroneNodes, places: Array, moves: Indices, nodes: Indices) -> Array:
     """log pi/mu of one drone's moves for each of NOISES, shape (n, M)."""
     reach = drone.game.dynamics.reach
-    ways = np.array(drone.game.settings.drones[drone.drone].goal_region.centre) - places
+    ways = drone.game.settings.drones[drone.drone].goal_region.nearest(places) - places
     lengths = np.sqrt((ways**2).sum(axis=1, keepdims=True))
     aims = places + ways * np.minimum(1.0, reach / np.maximum(lengths, reach / 2))
     away = ((drone.places[moves] - aims[:, None]) ** 2).sum(axis=-1)

@@ -139,7 +139,7 @@ class DroneNodes:
     def arrived(self, places: Array) -> Mask:
         """Which places (M, 2) are in the goal region, shape (M,)."""
         goal = self.game.settings.drones[self.drone].goal_region
-        return np.asarray(((places - np.array(goal.centre)) ** 2).sum(axis=-1) <= goal.radius**2)
+        return np.asarray(goal.away(places) <= goal.radius**2)
 
     def _absorbed(self, moves: Moves, places: Array) -> Moves:
         """The moves, but for places in the goal region to stay alone."""

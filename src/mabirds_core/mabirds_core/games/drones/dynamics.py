@@ -27,6 +27,8 @@ class DroneDynamics:
     """Centres of the goal regions, shape (N_E, 2) [m]."""
     goal_radii: Any
     """Their radii, shape (N_E,) [m]."""
+    goal_ways: Any
+    """From one end of each door to the other, shape (N_E, 2) [m]; None where all goal regions are discs."""
     time_step: float
     max_speed: float
     max_acceleration: float | None
@@ -36,12 +38,14 @@ class DroneDynamics:
     def of(cls, settings: DroneSettings) -> Self:
         """The dynamics of ``settings`` with arrays of numpy."""
         regions = [task.goal_region for task in settings.drones]
+        doors = any(region.until is not None for region in regions)
         double = settings.dynamics == "double_integrator"
         return cls(
             np,
             np.array(settings.arena),
             np.array([region.centre for region in regions]),
             np.array([region.radius for region in regions]),
+            np.array([region.way for region in regions]) if doors else None,
             settings.time_step,
             settings.max_speed,
             settings.max_acceleration if double else None,
@@ -66,7 +70,8 @@ class DroneDynamics:
 
         constants = (self.arena, self.goals, self.goal_radii)
         arena, goals, radii = (torch.as_tensor(values, device=device, dtype=dtype) for values in constants)
-        return replace(self, library=torch, arena=arena, goals=goals, goal_radii=radii)
+        ways = None if self.goal_ways is None else torch.as_tensor(self.goal_ways, device=device, dtype=dtype)
+        return replace(self, library=torch, arena=arena, goals=goals, goal_radii=radii, goal_ways=ways)
 
     @property
     def drone_size(self) -> int:
@@ -117,7 +122,12 @@ class DroneDynamics:
 
     def arrived(self, places: Any) -> Any:
         """Which drones, (..., N_E, 2), are in their goal regions, shape (..., N_E)."""
-        return ((places - self.goals) ** 2).sum(-1) <= self.goal_radii**2
+        away = places - self.goals
+        if self.goal_ways is not None:
+            ways, squares = self.goal_ways, (self.goal_ways**2).sum(-1)
+            along = (away * ways).sum(-1) / self.library.where(squares > 0, squares, self.library.ones_like(squares))
+            away = away - self.library.clip(along, 0.0, 1.0)[..., None] * ways
+        return (away**2).sum(-1) <= self.goal_radii**2
 
     def _shortened(self, vectors: Any, longest: float) -> Any:
         """Vectors (..., 2) that are too long, at their largest length."""

@@ -220,8 +220,7 @@ class DroneCostFeatures:
 
     def _fade(self, drone: int, places: Array) -> Vector:
         goal = self._goals[drone]
-        away = ((places - goal.centre) ** 2).sum(axis=-1)
-        return np.asarray(1 - np.exp(-away / (2 * goal.radius**2)))
+        return np.asarray(1 - np.exp(-goal.away(places) / (2 * goal.radius**2)))
 
     def _steps(self, distances: Array) -> Array:
         """scale / (1 + exp((d - level) / softness)), shape (*distances.shape, levels)."""

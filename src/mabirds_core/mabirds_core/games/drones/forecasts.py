@@ -8,7 +8,7 @@ measure mu of moves,
 
 with sigma that makes the flights of the training likeliest. What differs is where the drone is expected next:
 
-    straight to the goal   s* one step on the straight way to the centre of its goal region
+    straight to the goal   s* one step on the straight way to its goal region
     constant velocity      s* = 2 q_t - q_{t-1}, the place shown and the way of the last step once more
     counting               s* = the mean of what drones did in the training near the same place
 
@@ -203,7 +203,7 @@ def forecasts(policy: LatticePolicy, training: Trajectories) -> Mapping[str, Aim
 def _straight_of(game: DroneGame) -> Aims:
     def aims(at: Snapped, drone: int, _: Trajectories) -> Array:
         places = game.positions(at.states)[:, drone]
-        ways = np.array(game.settings.drones[drone].goal_region.centre) - places
+        ways = game.settings.drones[drone].goal_region.nearest(places) - places
         lengths = np.sqrt((ways**2).sum(axis=1, keepdims=True))
         reach = game.dynamics.reach
         return np.asarray(places + ways * np.minimum(1.0, reach / np.maximum(lengths, reach / 2)))

@@ -47,7 +47,8 @@ class DroneGame:
     @cached_property
     def digest(self) -> str:
         """Digest of the arena, how drones move in it, and the goal regions where they stay; obstacles bind nobody."""
-        constants = {name: value for name, value in vars(self.dynamics).items() if name != "library"}
+        left_out = {"library", *(["goal_ways"] if self.dynamics.goal_ways is None else [])}  # bags are older than doors
+        constants = {name: value for name, value in vars(self.dynamics).items() if name not in left_out}
         plain = {name: np.asarray(value).tolist() for name, value in constants.items()}
         return trajectory_digest("drones", plain, self.horizon)
 

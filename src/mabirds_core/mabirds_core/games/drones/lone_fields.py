@@ -88,7 +88,7 @@ class FieldGrid:
     def arrived(self, places: Array) -> Mask:
         """Which places (..., 2) are in the drone's goal region, shape (...)."""
         goal = self.game.settings.drones[self.drone].goal_region
-        return np.asarray(((places - np.array(goal.centre)) ** 2).sum(axis=-1) <= goal.radius**2)
+        return np.asarray(goal.away(places) <= goal.radius**2)
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from typing import Any
 
 from mabirds_core.arrays import Array
-from mabirds_core.games.recordings import Observed
+from mabirds_core.games.recordings import Goal, Observed
 
 MARGIN = 0.01
 """By how much rectangles of starts are larger than was seen [m]."""
@@ -23,7 +23,7 @@ def observed_settings(observed: Observed) -> dict[str, Any]:
         Parts of an experiment file: the game, the algorithm, the experts.
     """
     tasks = [
-        {**_start(observed.starts[:, number]), "goal_region": goal._asdict()}
+        {**_start(observed.starts[:, number]), "goal_region": _region(goal)}
         for number, goal in enumerate(observed.goals)
     ]
     game = {
@@ -42,6 +42,10 @@ def observed_settings(observed: Observed) -> dict[str, Any]:
         "demonstrations": {"experts": "pilots"},
         "constraint_threshold": 0.05,
     }
+
+
+def _region(goal: Goal) -> dict[str, Any]:
+    return {name: value for name, value in goal._asdict().items() if value is not None}
 
 
 def _start(starts: Array) -> dict[str, Any]:

@@ -61,7 +61,10 @@ def draw_arena(axis: Axes, game: DroneGame, drones: Sequence[int] | None = None,
         task, colour = settings.drones[drone], colour_of(drone)
         low, high = task.start_corners
         axis.add_patch(Rectangle(tuple(low), *(high - low), fc="none", ec=colour, lw=1.3))
-        axis.add_patch(Circle(task.goal_region.centre, task.goal_region.radius, fc="none", ec=colour, lw=1.8))
+        for end in (task.goal_region.centre, task.goal_region.until or task.goal_region.centre):
+            axis.add_patch(Circle(end, task.goal_region.radius, fc="none", ec=colour, lw=1.8))
+        if task.goal_region.until is not None:
+            axis.plot(*np.transpose([task.goal_region.centre, task.goal_region.until]), color=colour, lw=1.8)
     width, depth = settings.arena
     axis.set(xlim=(0, width), ylim=(0, depth), aspect="equal", xticks=[], yticks=[])
 

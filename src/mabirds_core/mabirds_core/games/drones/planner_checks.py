@@ -131,5 +131,7 @@ def check_soft_actor_critic(settings: SoftActorCriticSettings, game: DroneGame) 
         It does not, or the guide does not suit the game.
     """
     check_rollouts("policy.rollouts", settings.rollouts, game.horizon)
+    if game.dynamics.goal_ways is not None:
+        raise ExperimentError("algorithm.policy.kind soft_actor_critic: goal regions must be discs; take lattice")
     if settings.guide == "lattice":
         check_lattice(LatticeSettings(kind="lattice"), game)

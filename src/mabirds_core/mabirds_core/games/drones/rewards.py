@@ -145,7 +145,7 @@ class TrueDroneReward(FixedModel):
     def unary(self, theta: Vector, drone: int, states: Array, actions: Array) -> Array:  # noqa: ARG002
         """-step_cost where the drone is not in its goal region."""
         goal = self.game.settings.drones[drone].goal_region
-        there = ((states[..., :2] - goal.centre) ** 2).sum(axis=-1) <= goal.radius**2
+        there = goal.away(states[..., :2]) <= goal.radius**2
         return np.where(there, 0.0, -self.game.settings.step_cost)
 
     def pairwise(self, theta: Vector, pair: int, distances: Array) -> Array:  # noqa: ARG002 - none

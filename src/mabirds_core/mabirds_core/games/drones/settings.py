@@ -24,6 +24,34 @@ class Circle(Settings):
     radius: Length = Field(description="[m]")
 
 
+class GoalRegion(Circle):
+    """A goal region: a disc, or a door, all places within ``radius`` of the segment from ``centre`` to ``until``."""
+
+    until: Point | None = Field(None, description="of a door, where its other end is [m]")
+
+    @property
+    def way(self) -> Array:
+        """From one end of a door to the other, shape (2,) [m]; zeros for a disc."""
+        return np.zeros(2) if self.until is None else np.subtract(self.until, self.centre)
+
+    def nearest(self, places: Array) -> Array:
+        """The places of the segment that are nearest to places, shape (..., 2) each [m]; the centre of a disc."""
+        if self.until is None:
+            return np.broadcast_to(np.array(self.centre), places.shape)
+        along = ((places - self.centre) @ self.way) / (self.way @ self.way)
+        return np.asarray(self.centre + np.clip(along, 0.0, 1.0)[..., None] * self.way)
+
+    def away(self, places: Array) -> Array:
+        """Squared distances to the segment, or to the centre of a disc, shape (...) [m^2]."""
+        return np.asarray(((places - self.nearest(places)) ** 2).sum(axis=-1))
+
+    @model_validator(mode="after")
+    def _is_no_point(self) -> "GoalRegion":
+        if self.until == self.centre:
+            raise ValueError(f"until {self.until}: expected another place than centre; leave it out for a disc")
+        return self
+
+
 Spread = Annotated[float, Field(ge=0, le=1000)]
 
 
@@ -34,7 +62,7 @@ class DroneTask(Settings):
     start_spread: Spread | tuple[Spread, Spread] = Field(
         0.0, description="half the side of that square, or of a rectangle along x and along y [m]"
     )
-    goal_region: Circle
+    goal_region: GoalRegion
 
     renamed: ClassVar[Mapping[str, str]] = {"door": "goal_region"}
 
@@ -102,7 +130,8 @@ class DroneSettings(Settings):
     @model_validator(mode="after")
     def _fits_into_the_arena(self) -> "DroneSettings":
         for number, task in enumerate(self.drones, start=1):
-            for name, point in (("start", task.start), ("goal_region", task.goal_region.centre)):
+            ends = (task.goal_region.centre, task.goal_region.until or task.goal_region.centre)
+            for name, point in (("start", task.start), *(("goal_region", end) for end in ends)):
                 if not all(0 <= x <= side for x, side in zip(point, self.arena, strict=True)):
                     raise ValueError(f"{name} {point} of drone {number}: expected a place in the arena {self.arena}")
             if self.truth == "settings":
