@@ -75,3 +75,15 @@ def test_starts_fill_a_rectangle_and_may_overlap_where_nobody_knows_the_truth() 
     with pytest.raises(ValueError, match="may start closer"):
         game(truth="settings")
     assert build("mabirds.games", DroneSettings.model_validate(SETTINGS)).digest == game().digest
+
+
+def test_where_nobody_knows_the_truth_nothing_is_said_that_needs_it() -> None:
+    of = game()
+    assert of.true_constraints is None
+    assert of.judge.imitation(None, 0) is None
+    apart = [
+        {**drone, "start": (0.5, y), "start_spread": 0.1}
+        for drone, y in zip(SETTINGS["drones"], (0.5, 1.5), strict=True)
+    ]
+    known = game(truth="settings", drones=apart)
+    assert known.true_constraints is not None

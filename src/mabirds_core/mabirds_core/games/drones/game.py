@@ -106,9 +106,14 @@ class DroneGame:
         return DroneRewardFeatures(self.space, self.settings.features)
 
     @cached_property
-    def true_constraints(self) -> Mask:
-        """RBFs at whose centre a drone would touch an obstacle, and steps at distances that are too small."""
+    def true_constraints(self) -> Mask | None:
+        """RBFs at whose centre a drone would touch an obstacle, and steps at distances that are too small.
+
+        None where nobody knows them.
+        """
         nodes, settings = self.cost_features.grid.nodes, self.settings
+        if settings.truth == "unknown":
+            return None
         inside = np.zeros(len(nodes), dtype=bool)
         for obstacle in settings.obstacles:
             inside |= np.hypot(*(nodes - obstacle.centre).T) < obstacle.radius + settings.drone_radius

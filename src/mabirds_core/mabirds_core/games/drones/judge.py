@@ -54,8 +54,10 @@ class RolloutJudge:
         """
         return drone_rollouts(self.game, policy, count, np.random.default_rng([seed, EVAL_ROLLOUTS]))
 
-    def imitation(self, policy: DronePolicy, seed: int, rollouts: int | None = None) -> ImitationMetrics:
-        """CVR and SR of a policy's rollouts."""
+    def imitation(self, policy: DronePolicy, seed: int, rollouts: int | None = None) -> ImitationMetrics | None:
+        """CVR and SR of a policy's rollouts; None where nobody knows what violates."""
+        if self.game.true_constraints is None:
+            return None
         return drone_imitation(self.game, self.rollouts(policy, seed, rollouts or EVAL_ROLLOUTS))
 
     def distance(self, policies: Sequence[DronePolicy], seed: int, rollouts: int | None = None) -> float:
