@@ -81,9 +81,7 @@ def test_where_nobody_knows_the_truth_nothing_is_said_that_needs_it() -> None:
     of = game()
     assert of.true_constraints is None
     assert of.judge.imitation(None, 0) is None
-    apart = [
-        {**drone, "start": (0.5, y), "start_spread": 0.1}
-        for drone, y in zip(SETTINGS["drones"], (0.5, 1.5), strict=True)
-    ]
+    halves = zip(SETTINGS["drones"], (0.5, 1.5), strict=True)
+    apart = [{**drone, "start": (0.5, y), "start_spread": 0.1} for drone, y in halves]
     known = game(truth="settings", drones=apart)
     assert known.true_constraints is not None
