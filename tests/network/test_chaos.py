@@ -15,8 +15,8 @@ from identity import assert_same_histories
 
 from mabirds_bringup.commands.simulate import simulate_from_bag
 from mabirds_bringup.evaluate.results import audit
-from mabirds_bringup.run.network import PLAYER, Network
-from mabirds_bringup.run.processes import NodeProcess
+from mabirds_bringup.run.network import Network
+from mabirds_bringup.run.processes import PLAYER, NodeProcess
 from mabirds_bringup.run.supervisor import Supervisor
 from mabirds_bringup.watch.monitor import MonitorNode
 from mabirds_core.experiment.file import load_experiment

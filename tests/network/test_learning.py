@@ -14,7 +14,8 @@ from mabirds_bringup.commands.demonstrations import demonstrations_of
 from mabirds_bringup.commands.simulate import simulate_from_bag, simulate_with_progress
 from mabirds_bringup.evaluate.evaluation import evaluate, summary
 from mabirds_bringup.evaluate.results import audit
-from mabirds_bringup.run.network import PLAYER, Network
+from mabirds_bringup.run.network import Network
+from mabirds_bringup.run.processes import PLAYER
 from mabirds_bringup.watch.described import describe
 from mabirds_bringup.watch.inspector import InspectorNode
 from mabirds_bringup.watch.monitor import MonitorNode
@@ -62,7 +63,7 @@ def test_nodes_with_the_default_rule_equal_the_reference(
     make_experiment: Callable[..., Path], nodes: Any, context: Context, tmp_path: Path, mixing: str
 ) -> None:
     """Nothing is said about how to learn: momenta and sums stay with their learners, who end by naming constraints."""
-    change = {"algorithm": {}, "closing_rounds": 1, **MIXING[mixing]}
+    change = {"algorithm": {}, "closing_rounds": 1, "constraint_confidence": 0.99, **MIXING[mixing]}
     schedule = {"kind": "static", "graph": "ring"}
     file = make_experiment(iterations=8, learners=4, schedule=schedule, change=change)
     experiment = load_experiment(file)

@@ -10,6 +10,7 @@ import pytest
 
 from mabirds_bringup.run.deafness import LONGER, PATIENCE, Deafness
 from mabirds_bringup.run.network import Network as RunningNetwork
+from mabirds_bringup.run.processes import PLAYER
 from mabirds_bringup.watch.monitor import MonitorNode
 from mabirds_core.experiment.file import load_experiment
 
@@ -18,7 +19,7 @@ class Network:
     """Three learners, as their monitor hears them: learner_2 waits for iteration 4 of learner_1."""
 
     def __init__(self, own: tuple[str, ...]) -> None:
-        self.now, self.lost = 0.0, set[str]()
+        self.now, self.lost, self.sent = 0.0, set[str](), dict[str, int]()
         self.deafness = Deafness(own, lambda: self.now)
         self.statuses: dict[str, Any] = {
             "learner_1": SimpleNamespace(iteration=5, waiting_for=["demonstration", "learner_3"]),
@@ -32,7 +33,7 @@ class Network:
         found, end = list[str](), self.now + seconds
         while self.now < end:
             self.now += 0.5
-            deaf = self.deafness.found(self.statuses, self.parameters, self.lost.__contains__)
+            deaf = self.deafness.found(self.statuses, self.parameters, self.sent, self.lost.__contains__)
             found += [name for name, _ in deaf]
         return found
 
@@ -48,7 +49,7 @@ def test_why_is_said() -> None:
     network = Network(("learner_2",))
     network.after(0.5)
     network.now += PATIENCE + 0.5
-    (deaf,) = network.deafness.found(network.statuses, network.parameters, network.lost.__contains__)
+    (deaf,) = network.deafness.found(network.statuses, network.parameters, {}, network.lost.__contains__)
     assert deaf.words == "learner_2 has waited for 20 s for parameters 4 of learner_1, which are known here"
 
 
@@ -58,6 +59,27 @@ def test_who_is_not_heard_is_started_again_later(own: tuple[str, ...], seconds: 
     network = Network(own)
     assert network.after(LONGER - 1.0) == []
     assert network.after(2.0) == (["learner_1"] if seconds == LONGER else [])
+
+
+def test_who_waits_for_a_demonstration_that_was_sent_is_started_again_and_then_the_player() -> None:
+    network = Network(("learner_1", PLAYER))
+    network.statuses["learner_2"].waiting_for, network.sent = [], {"learner_1": 4}
+    assert network.after(LONGER + 5.0) == []  # it waits for 5
+    network.sent = {"learner_1": 5}
+    assert network.after(PATIENCE - 1.0) == []
+    assert network.after(2.0) == ["learner_1"]
+    again = network.after(LONGER - PATIENCE)
+    assert again[-1] == PLAYER
+    assert set(again) == {"learner_1", PLAYER}
+
+
+def test_why_a_learner_that_does_not_hear_the_player_is_started_again() -> None:
+    network = Network(("learner_1",))
+    network.sent = {"learner_1": 6}
+    network.after(0.5)
+    network.now += PATIENCE + 0.5
+    (deaf,) = network.deafness.found(network.statuses, network.parameters, network.sent, network.lost.__contains__)
+    assert deaf.words == "learner_1 has waited for 20 s for demonstration 5, which expert_player sent"
 
 
 @pytest.mark.parametrize("case", ["deaf", "heard later", "others' host", "before this process began", "stands"])
@@ -89,7 +111,10 @@ def test_a_run_starts_it_again_and_says_so(
     for status in seen.statuses.values():
         status.mixed_from = []
     monitor = SimpleNamespace(
-        statuses=seen.statuses, parameters=seen.parameters, presence=SimpleNamespace(is_lost=seen.lost.__contains__)
+        statuses=seen.statuses,
+        parameters=seen.parameters,
+        player=SimpleNamespace(learners=["learner_1"], sent=[4]),
+        presence=SimpleNamespace(is_lost=seen.lost.__contains__),
     )
     restarted = list[str]()
     supervisor: Any = SimpleNamespace(restart=restarted.append)

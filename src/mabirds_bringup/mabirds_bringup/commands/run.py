@@ -19,7 +19,8 @@ from mabirds_bringup.console import console, ending_as_interrupted, guarded_outp
 from mabirds_bringup.evaluate.results import audit, write_unjudged
 from mabirds_bringup.run import run_directory
 from mabirds_bringup.run.certificate import certify
-from mabirds_bringup.run.network import PLAYER, HostMovedError, Network, NetworkResult
+from mabirds_bringup.run.network import HostMovedError, Network, NetworkResult
+from mabirds_bringup.run.processes import PLAYER
 from mabirds_bringup.run.size import shown_size
 from mabirds_bringup.run.stored_run import NETWORK, RunPlan, StoredRun, begin, find_run, load_run, locked
 from mabirds_bringup.run.supervisor import Supervisor

@@ -9,7 +9,7 @@ import yaml
 
 from mabirds_bringup.report.embedding import embedded
 from mabirds_bringup.report.findings import findings
-from mabirds_bringup.report.measures import MEASURES, shown
+from mabirds_bringup.report.measures import MEASURES, Measure, shown
 from mabirds_bringup.report.templates import render
 from mabirds_bringup.report.traffic import traffic
 
@@ -32,9 +32,9 @@ def write_report(directory: Path, summary: Mapping[str, Any], figures: Mapping[s
     content = {
         **summary,
         "findings": findings(summary),
-        "columns": ["learner", "iterations", *(measure.title for measure in MEASURES)],
+        "columns": ["learner", "iterations", *(measure.title for measure in known(summary))],
         "lines": lines(summary),
-        "measures": MEASURES,
+        "measures": known(summary),
         "shown": shown,
         "judged": judged(summary),
         "manifest": manifest(directory),
@@ -48,10 +48,16 @@ def write_report(directory: Path, summary: Mapping[str, Any], figures: Mapping[s
         (directory / f"report.{suffix}").write_text(page, encoding="utf-8")
 
 
+def known(summary: Mapping[str, Any]) -> list[Measure]:
+    """What can be told of some learner; of what nobody knows the truth of, less."""
+    rows = summary["learners"].values()
+    return [measure for measure in MEASURES if any(row[measure.key] is not None for row in rows)]
+
+
 def lines(summary: Mapping[str, Any]) -> list[list[str]]:
     """A line of the table of rates for each learner."""
     return [
-        [name, str(row["iterations"]), *(shown(row[measure.key], measure.form) for measure in MEASURES)]
+        [name, str(row["iterations"]), *(shown(row[measure.key], measure.form) for measure in known(summary))]
         for name, row in summary["learners"].items()
     ]
 

@@ -8,13 +8,16 @@ import time
 from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any, NamedTuple
 
+from mabirds_bringup.run.processes import PLAYER
+from mabirds_learner.learner_session import DEMONSTRATION
+
 PATIENCE = 20.0
 """Seconds for which a learner waits for parameters that are known here, until it is started again."""
 
 LONGER = 45.0
 """Seconds after which who published them is, since it may be that one."""
 
-MissingParameters = tuple[str, str, int]
+Missing = tuple[str, str, int]
 """Who waits, for whom, at which iteration."""
 
 
@@ -41,20 +44,26 @@ class Deafness:
 
     def __init__(self, own: Collection[str], clock: Callable[[], float] = time.monotonic) -> None:
         self._own, self._clock = own, clock
-        self._since: dict[MissingParameters, float] = {}
-        self._unheard: dict[MissingParameters, float] = {}
+        self._since: dict[Missing, float] = {}
+        self._unheard: dict[Missing, float] = {}
         self._first: dict[str, int] = {}
         self._told: dict[str, float] = {}
 
     def found(
-        self, statuses: Mapping[str, Any], parameters: Mapping[str, Collection[int]], lost: Callable[[str], bool]
+        self,
+        statuses: Mapping[str, Any],
+        parameters: Mapping[str, Collection[int]],
+        sent: Mapping[str, int],
+        lost: Callable[[str], bool],
     ) -> list[Deaf]:
         """Those of this host that are to be started again now.
 
         ``statuses``: the newest of each learner. ``parameters``: of which iterations theta and omega are known.
-        ``lost``: is nothing heard of a learner any more? Then its status is old, and says nothing.
+        ``sent``: up to which iteration demonstrations are. ``lost``: is nothing heard of a learner any more? Then its
+        status is old, and says nothing.
         """
-        now, missing = self._clock(), set(_missing(statuses, parameters, lost))
+        living = {name: status for name, status in statuses.items() if not lost(name)}
+        now, missing = self._clock(), {*_missing(living, parameters), *_undelivered(living, sent)}
         self._since = {entry: self._since.get(entry, now) for entry in missing}
         deaf = [
             Deaf(name, _words(entry, now - since))
@@ -83,7 +92,7 @@ class Deafness:
         name, sender, iteration = late[0]
         return f"{name} learned with parameters {iteration} of {sender}, which is not heard here for {PATIENCE:.0f} s"
 
-    def _to_blame(self, entry: MissingParameters, seconds: float) -> Iterator[str]:
+    def _to_blame(self, entry: Missing, seconds: float) -> Iterator[str]:
         waiting, awaited, _ = entry
         if seconds > PATIENCE and waiting in self._own:
             yield waiting
@@ -91,15 +100,22 @@ class Deafness:
             yield awaited
 
 
-def _missing(
-    statuses: Mapping[str, Any], parameters: Mapping[str, Collection[int]], lost: Callable[[str], bool]
-) -> Iterator[MissingParameters]:
+def _missing(statuses: Mapping[str, Any], parameters: Mapping[str, Collection[int]]) -> Iterator[Missing]:
     for name, status in statuses.items():
-        for sender in () if lost(name) else status.waiting_for:
+        for sender in status.waiting_for:
             if status.iteration in parameters.get(sender, ()):
                 yield name, sender, status.iteration
 
 
-def _words(entry: MissingParameters, seconds: float) -> str:
+def _undelivered(statuses: Mapping[str, Any], sent: Mapping[str, int]) -> Iterator[Missing]:
+    """Who waits for demonstrations that the player sent."""
+    for name, status in statuses.items():
+        if DEMONSTRATION in status.waiting_for and status.iteration <= sent.get(name, 0):
+            yield name, PLAYER, status.iteration
+
+
+def _words(entry: Missing, seconds: float) -> str:
     waiting, awaited, iteration = entry
+    if awaited == PLAYER:
+        return f"{waiting} has waited for {seconds:.0f} s for demonstration {iteration}, which {PLAYER} sent"
     return f"{waiting} has waited for {seconds:.0f} s for parameters {iteration} of {awaited}, which are known here"

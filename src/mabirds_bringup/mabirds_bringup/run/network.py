@@ -17,6 +17,7 @@ from rclpy.signals import SignalHandlerOptions
 from mabirds_bringup.run import processes
 from mabirds_bringup.run.deafness import Deafness
 from mabirds_bringup.run.farewell import SHUTDOWN_TIMEOUT, Farewell
+from mabirds_bringup.run.processes import PLAYER
 from mabirds_bringup.run.recording import Recording
 from mabirds_bringup.run.supervisor import Supervisor
 from mabirds_bringup.watch.monitor import OTHER_EXPERIMENT, MonitorNode
@@ -30,9 +31,6 @@ from mabirds_msgs_py.clock_watch import SetBack, waking
 from mabirds_msgs_py.declaration_key import make_key, read_key
 from mabirds_msgs_py.message_loop import MessageLoop
 from mabirds_msgs_py.security import enclave_arguments, start_ros
-
-PLAYER = "expert_player"
-"""Name of the player among the processes."""
 
 KEY = "declaration.key"
 """Name of the file with the key of declarations, in a run directory."""
@@ -156,12 +154,13 @@ class Network:
     def _deafness(self) -> Deafness:
         """Of learners that wait for each other; in resilient mode, and of central methods, nobody does."""
         waits = not (self.method or self.experiment.mixing.declares_members)
-        own = self.only or self.names
-        return Deafness([name for name in self.names if waits and name in own])
+        own = self.only or (*self.names, PLAYER)
+        return Deafness([name for name in (*self.names, PLAYER) if waits and name in own])
 
     def _heal(self, supervisor: Supervisor, monitor: MonitorNode) -> Iterator[str]:
-        """Start learners again that do not hear each other. Raises DeafSupervisorError where this process is deaf."""
-        for name, words in self._deafness.found(monitor.statuses, monitor.parameters, monitor.presence.is_lost):
+        """Start again who does not hear the others. Raises DeafSupervisorError where this process is deaf."""
+        sent = dict(zip(monitor.player.learners, monitor.player.sent, strict=True)) if monitor.player else {}
+        for name, words in self._deafness.found(monitor.statuses, monitor.parameters, sent, monitor.presence.is_lost):
             supervisor.restart(name)
             yield f"{name} is started again, since {words}"
         if deaf := self._deafness.unheard(monitor.statuses, monitor.parameters):

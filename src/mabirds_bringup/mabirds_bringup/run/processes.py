@@ -13,6 +13,9 @@ from pathlib import Path
 from mabirds_msgs_py.node_main import SUPERVISOR
 from mabirds_msgs_py.security import enclave_arguments
 
+PLAYER = "expert_player"
+"""Name of the player among the processes."""
+
 STOP_PATIENCE = 5.0
 """Seconds between SIGTERM and SIGKILL."""
 
