@@ -129,7 +129,7 @@ def test_a_run_without_truth_is_judged_by_what_can_be_known(
     before = [row.success_rate for row in read_judged(directory)]
     assert before == [None] * len(rows)
     assert (directory / "map.png").stat().st_size > 1000
-    assert report(directory) == 0
+    assert report([directory]) == 0
     assert check(directory) == 0
 
 
