@@ -96,6 +96,10 @@ class AddressWatch:
             self._now = self._look()
             self._at_first &= self._now
 
+    def has_new(self) -> bool:
+        """Are there addresses by which this process may not be heard, and hears nobody, be they lasting or not?"""
+        return bool(self._look() - self._at_first)
+
     def changed(self) -> str | None:
         """In words how they have changed, once new ones have stayed for a while; looks once a second at most."""
         now = self._clock()

@@ -121,6 +121,8 @@ class Network:
                     monitor = MonitorNode(self.experiment, recording, self._run, self.names, place, key)
 
                 def is_done(name: str, code: int) -> bool:
+                    if code == 0 and addresses.has_new():
+                        return True  # this process did not hear it, and is about to begin anew
                     if name != PLAYER:
                         return code == 0 and monitor.has_departed(name)
                     return code == 0 and _hear_out(executor, monitor)
