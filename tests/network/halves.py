@@ -84,7 +84,8 @@ class Halves:
         """Words, and the last that every host said."""
         return "\n".join([words, *(f"{host}: {self.said(host)[-600:]}" for host in self.parts)])
 
-    def end(self, host: str, timeout: float = 90.0) -> int:
+    def end(self, host: str, timeout: float = 150.0) -> int:
+        """Exit code; a part that misses the farewell of the others stays for a minute."""
         return self.running[host].wait(timeout)
 
     def stop(self) -> None:
