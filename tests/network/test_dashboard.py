@@ -110,8 +110,7 @@ def test_numbers_are_those_published_and_controls_act(
     visit.page.locator("[data-testid=pause]").click()
     visit.wait_for_text("player", "paused")
     visit.wait_for_text("pause", "[Rr]esume|RESUME")
-    inspector = ask_network(shared_ros_domain)
-    status = {learner.name: learner.status for learner in inspector.learners.values()}
+    status = settled(shared_ros_domain)
     for name in ("learner_1", "learner_2"):
         visit.wait_for_text(f"{name}-learned", rf"^{status[name].last_demonstration}/60$")
         assert visit.text(f"{name}-backlog") == str(status[name].backlog)
@@ -128,6 +127,19 @@ def test_numbers_are_those_published_and_controls_act(
     assert visit.errors == []
     assert [url for url in visit.fetched if not url.startswith((address, "ws://127.0.0.1", "data:"))] == []
     assert len(visit.fetched) > 5
+
+
+def settled(domain: int) -> dict[str, Any]:
+    """What learners say, once they have learned all that a paused player sent."""
+    deadline = time.monotonic() + 30
+    while True:
+        assert time.monotonic() < deadline, "demonstrations are still under way"
+        inspector = ask_network(domain)
+        status = {learner.name: learner.status for learner in inspector.learners.values()}
+        players = [heard for heard in inspector.players.values() if heard is not None]
+        sent = {name: count for player in players for name, count in zip(player.learners, player.sent, strict=True)}
+        if sent == {name: learner.last_demonstration for name, learner in status.items()}:
+            return status
 
 
 def ask_network(domain: int) -> InspectorNode:
