@@ -187,11 +187,11 @@ class LearnerSession(SessionState, Generic[AMember]):
         return {} if nats is None or not np.isfinite(nats).all() else {LIKELIHOOD: float(nats.mean())}
 
     def constraint_confidences(self) -> Vector | None:
-        """Confidence that each cost feature is a constraint, by this learner's demonstrations until now, shape (K,).
+        """Confidence that each cost feature is a constraint, by what was demonstrated until now, shape (K,).
 
-        None where there was none, or where the game or the memory of them cannot say.
+        None where nothing was, or where the game or the memory of it cannot say.
         """
-        judge, shown = getattr(self.learner.game, "judge", None), self.state.memory.shown
+        judge, shown = getattr(self.learner.game, "judge", None), self.learner.shown(self.state)
         if judge is None or shown is None or not shown.demonstrations:
             return None
         confidences: Vector | None = judge.constraint_confidences(self.learner.estimator.reward, self.parameters, shown)

@@ -88,10 +88,10 @@ def test_a_checkpoint_of_the_papers_steps_and_window_holds_nothing_of_a_rule() -
         ("steps.momentum.theta", np.zeros(3), "steps: expected arrays .* of the step rule"),
         ("steps.squares.omega", np.zeros((14, 1)), "steps: expected arrays .* of the step rule"),
         ("steps.momentum.omega", np.full(14, np.nan), "steps: expected finite numbers"),
-        ("steps.squares.theta", np.full(50, np.inf), "steps: expected finite numbers"),
+        ("steps.squares.theta", np.full(64, np.inf), "steps: expected finite numbers"),
         ("steps.velocity", np.zeros(2), "steps: expected arrays .* of the step rule, found .*velocity"),
         ("observed.cost", np.zeros(3), "observed.cost: expected 14 finite numbers"),
-        ("theta", np.zeros(3), "theta: expected 50 numbers"),
+        ("theta", np.zeros(3), "theta: expected 64 numbers"),
         ("omega", np.full(14, 1e13), "omega: expected 14 numbers of at most 1e\\+12"),
     ],
 )

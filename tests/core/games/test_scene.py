@@ -90,5 +90,5 @@ def test_every_parameter_of_the_shipped_patrol_has_a_name() -> None:
     game = build_game(experiment)
     names = parameter_names(experiment, "learner_1", game)
     assert names.omega == game.cost_features.names
-    assert len(set(names.theta)) == len(names.theta) == 4 * 49 * 2 + 2  # moves, and being late
+    assert len(set(names.theta)) == len(names.theta) == 4 * 49 * 2 + 2 + 100  # moves, being late, what was shown
     assert parameter_names(experiment, "me_greedy", game).theta == ()

@@ -14,7 +14,7 @@ from mabirds_core.arrays import Mask, Vector
 from mabirds_core.experiment.assembly import build_game, evaluation_policy, reward_of
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History, Streams
-from mabirds_core.games.interface import shown_features
+from mabirds_core.games.interface import ShownFeatures, shown_features
 from mabirds_core.games.whole_game import Game
 from mabirds_core.metrics.constraints import (
     ConstraintErrors,
@@ -25,6 +25,7 @@ from mabirds_core.metrics.constraints import (
 )
 from mabirds_core.metrics.curves import first_at, late_mean, late_minimum, stays_from
 from mabirds_core.metrics.metrics import consensus_distance
+from mabirds_core.rewards.shown import RewardWithShown
 
 LEVEL = 0.9
 """Success rate from which on the time is told."""
@@ -157,11 +158,9 @@ def learned_constraints(
     experiment: Experiment, name: str, parameters: Parameters, demonstrations: Streams, game: Game
 ) -> Constraints:
     """What ``name`` takes for constraints; by the threshold where there is no test, or are no demonstrations."""
-    streams = [demonstrations[learner] for learner in ([name] if name in demonstrations else demonstrations)]
     confidences, reward = None, reward_of(experiment, name, game)
-    if streams and reward is not None:
-        learned_from = [demonstration for stream in streams for demonstration in stream[: experiment.iterations]]
-        shown = shown_features(game, stacked(learned_from))
+    shown = _shown(experiment, name, parameters, demonstrations, game, reward)
+    if shown is not None and reward is not None:
         confidences = game.judge.constraint_confidences(reward, parameters, shown)
     if confidences is None:
         learned, scores = by_threshold(parameters.omega, experiment.constraint_threshold), -parameters.omega
@@ -171,6 +170,17 @@ def learned_constraints(
     if truth is None:
         return Constraints(learned, confidences, None, None)
     return Constraints(learned, confidences, constraint_errors(learned, truth), ranking_auc(scores, truth))
+
+
+def _shown(
+    experiment: Experiment, name: str, parameters: Parameters, demonstrations: Streams, game: Game, reward: Any
+) -> ShownFeatures | None:
+    """What ``name`` knows to be shown: by theta where that says it, else by its own demonstrations if they are here."""
+    if isinstance(reward, RewardWithShown):
+        return reward.shown(parameters.theta, len(experiment.learners) * experiment.iterations)
+    streams = [demonstrations[learner] for learner in ([name] if name in demonstrations else demonstrations)]
+    learned_from = [demonstration for stream in streams for demonstration in stream[: experiment.iterations]]
+    return shown_features(game, stacked(learned_from)) if learned_from else None
 
 
 def summary(experiment: Experiment, evaluation: Evaluation, seconds: float) -> dict[str, Any]:

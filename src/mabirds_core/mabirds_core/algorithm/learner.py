@@ -25,8 +25,9 @@ from mabirds_core.algorithm.memory import Memory
 from mabirds_core.algorithm.parameters import Parameters, descend
 from mabirds_core.algorithm.steps import RuleState, StepRule
 from mabirds_core.consensus.mixer import AnyMixer, MixerState
-from mabirds_core.games.interface import ConstrainedMarkovGame, Trajectories
+from mabirds_core.games.interface import ConstrainedMarkovGame, ShownFeatures, Trajectories
 from mabirds_core.planners.interface import Policy
+from mabirds_core.rewards.shown import RewardWithShown
 
 
 class LearnerState(NamedTuple):
@@ -118,6 +119,7 @@ class Learner:
         """
         (estimate, memory), n = self.local_gradient(state, demonstration), state.iteration
         step, rule = self.steps.step(state.rule, estimate, n)
+        step = self._told(step, state.memory, memory)
         mixed = self.mixer.mix(self.mixer.incoming(state.mixing, n, incoming), n, partial(descend, step=step, n=n))
         return StepResult(LearnerState(n + 1, mixed, memory, rule, estimate.policy), estimate)
 
@@ -158,6 +160,32 @@ class Learner:
         n = state.iteration
         mixed = self.mixer.mix(self.mixer.incoming(state.mixing, n, incoming), n, None)
         return state._replace(iteration=n + 1, mixing=mixed)
+
+    def shown(self, state: LearnerState) -> ShownFeatures | None:
+        """What demonstrations have shown of cost features, as far as this learner knows.
+
+        Parameters
+        ----------
+        state : LearnerState
+            Before update n.
+
+        Returns
+        -------
+        ShownFeatures or None
+            By those of all learners, who have had n - 1 each, where theta says what they showed; else by its own, and
+            None where it has forgotten some.
+        """
+        own, reward = state.memory.shown, self.estimator.reward
+        if own is None or not isinstance(reward, RewardWithShown):
+            return own
+        return reward.shown(state.parameters.theta, own.demonstrations * len(self.mixer.schedule.learners))
+
+    def _told(self, step: Parameters, before: Memory, after: Memory) -> Parameters:
+        """The step, with word of what the newest demonstration showed for the first time where theta carries that."""
+        reward, known, now = self.estimator.reward, before.shown, after.shown
+        if not isinstance(reward, RewardWithShown) or known is None or now is None:
+            return step
+        return step._replace(theta=reward.told(step.theta, now.used & ~known.used))
 
     def _rng(self, iteration: int) -> np.random.Generator:
         """A generator of its own for each learner and iteration, so that a restart needs no saved generator."""

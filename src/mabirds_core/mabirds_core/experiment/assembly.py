@@ -18,6 +18,7 @@ from mabirds_core.games.whole_game import Game
 from mabirds_core.planners.interface import Policy
 from mabirds_core.registry import METHODS, build, kind_of, kinds, require
 from mabirds_core.rewards.models import RewardModel, SummableReward
+from mabirds_core.rewards.shown import RewardWithShown
 
 
 def build_game(experiment: Experiment) -> Game:
@@ -27,7 +28,7 @@ def build_game(experiment: Experiment) -> Game:
 
 
 def build_reward(experiment: Experiment, game: Game) -> RewardModel:
-    """Build r_theta as learners have it.
+    """Build r_theta.
 
     Parameters
     ----------
@@ -43,6 +44,32 @@ def build_reward(experiment: Experiment, game: Game) -> RewardModel:
     """
     model: RewardModel = build("mabirds.rewards", experiment.algorithm.reward, game)
     return model
+
+
+def learners_reward(experiment: Experiment, game: Game) -> RewardModel:
+    """Build r_theta as learners have it, whose theta may say more: what was shown to whom.
+
+    That is so with ``algorithm.share_shown``, where the game has a constraint test, the reward is a sum of features and
+    no demonstration is forgotten.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        With ``algorithm``.
+    game : Game
+        Of the experiment.
+
+    Returns
+    -------
+    RewardModel
+        r_theta.
+    """
+    reward: Any = build_reward(experiment, game)
+    algorithm = experiment.algorithm
+    told = algorithm.share_shown and algorithm.window == "all" and hasattr(game, "neutral_change")
+    if not (told and hasattr(reward, "gradient_of_total") and hasattr(reward, "weights")):
+        return cast("RewardModel", reward)
+    return RewardWithShown(reward, tuple(game.cost_features.names))
 
 
 def build_learner(experiment: Experiment, name: str, game: Game | None = None) -> Learner:
@@ -68,7 +95,7 @@ def build_learner(experiment: Experiment, name: str, game: Game | None = None) -
         The experiment has no such learner.
     """
     game = game or build_game(experiment)
-    reward = build_reward(experiment, game)
+    reward = learners_reward(experiment, game)
     return Learner(
         index=experiment.index_of(name),
         estimator=build_estimator(experiment, game, reward),
@@ -192,7 +219,7 @@ def reward_of(experiment: Experiment, name: str, game: Game) -> RewardModel | No
         None for a method that learns no parameters of a reward model.
     """
     if name in experiment.learners:
-        return build_reward(experiment, game)
+        return learners_reward(experiment, game)
     estimator = getattr(build_method(experiment, name, game), "estimator", None)
     return None if estimator is None else estimator.reward
 
@@ -218,7 +245,7 @@ def evaluation_policy(experiment: Experiment, name: str, game: Game) -> Callable
     if method is not None and hasattr(method, "policy"):
         policy_of_method: Callable[[Parameters], Policy] = method.policy
         return policy_of_method
-    reward = build_reward(experiment, game) if method is None else method.estimator.reward
+    reward = learners_reward(experiment, game) if method is None else method.estimator.reward
     return _policy_of(experiment, game.evaluation_planner(experiment.algorithm.policy, reward))
 
 

@@ -36,6 +36,11 @@ class AlgorithmSettings(Settings):
     rollouts: int = Field(100, ge=1, le=1_000_000, description="m: trajectories per gradient, where sampled")
     rollout_start: RolloutStart = Field("demonstration", description="roll out from P_0, or where demonstrations began")
     reward: RewardSettings = Field(LinearRewardSettings(), description="the reward model")
+    share_shown: bool = Field(
+        True,
+        description="tell neighbours, in theta, which cost features were shown, in games with a constraint test; false:"
+        " constraints are told by one's own demonstrations",
+    )
     policy: PlannerSettings = Field(SoftValueIterationSettings(), description="how the policy is found")
 
     @field_validator("window")

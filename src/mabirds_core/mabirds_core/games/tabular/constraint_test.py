@@ -1,7 +1,8 @@
 """Which cost features are constraints, with what confidence: a counterfactual test.
 
-A feature that one of a learner's demonstrations had is no constraint. Of any other feature k the question is whether
-trajectories would have had it if it were as good as what experts do:
+A feature that a demonstration had is no constraint: one of any learner's where theta says that (``rewards.shown``),
+else of a learner's own. Of any other feature k the question is whether trajectories would have had it if it were as
+good as what experts do:
 
     p_k = P(a trajectory has feature k | the learned reward with k made neutral)
     confidence = 1 - (1 - p_k)^N              for N demonstrations that never had it
@@ -77,7 +78,7 @@ def constraint_confidences(
     parameters : Parameters
         theta and omega as learned.
     shown : ShownFeatures
-        By a learner's own demonstrations, at least one.
+        By at least one demonstration.
 
     Returns
     -------
