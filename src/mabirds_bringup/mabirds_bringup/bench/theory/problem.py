@@ -43,7 +43,8 @@ class Problem:
     @cached_property
     def experiment(self) -> Experiment:
         """As a file would have it."""
-        algorithm: dict[str, Any] = {"expectation": "exact", "reward": {"kind": "linear", "lateness": False}}
+        reward = {"kind": "linear", "lateness": False}
+        algorithm: dict[str, Any] = {"expectation": "exact", "reward": reward, "share_shown": False}
         if self.case.etas is not None:
             steps = {"kind": "paper", "alpha": self.case.step, "beta": self.case.step, **self.case.etas._asdict()}
             algorithm |= {"steps": steps, "window": self.case.window, "rollout_start": "initial"}
