@@ -156,7 +156,7 @@ def write_report(
         _section("Targets", content["targets"]),
         _section("Methods: mean of the worst learner per game, 95 % bootstrap intervals", content["methods"]),
         _section("Constraints by confidence", content["levels"]),
-        _section("Games missed", misses),
+        *([_section("Games missed", misses)] if misses else []),
     ]
     for suffix in ("md", "html"):
         text = render(f"bench.{suffix}.jinja", **content, page=page, sections=sections)
