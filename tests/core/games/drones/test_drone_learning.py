@@ -27,6 +27,7 @@ from mabirds_core.experiment.assembly import (
 )
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import simulate, simulate_central
+from mabirds_core.games.drones.arrival import ArrivingDroneReward
 from mabirds_core.games.drones.demonstrated import log_ratios
 from mabirds_core.games.drones.lattice import LatticePlanner
 from mabirds_core.games.drones.rewards import LinearDroneReward, NeuralDroneReward, TrueDroneReward
@@ -35,6 +36,7 @@ from mabirds_core.games.interface import Trajectories, discounted_visitation
 from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_core.planners.soft_bellman import soft_bellman_policy
 
+NOT_LATE = {"algorithm.reward": {"kind": "linear", "lateness": False}}
 NEURAL = {"algorithm.reward": {"kind": "neural", "hidden": 4, "bound": 5.0}}
 FROM_DEMONSTRATIONS = {"algorithm.rollout_start": "demonstration"}
 ALONE = {"game.drones": [{"start": (0.3, 0.3), "goal_region": {"centre": (1.3, 1.0), "radius": 0.2}}]}
@@ -115,9 +117,10 @@ def test_a_learners_gradient_is_that_of_rollouts_less_demonstrations() -> None:
     at = Parameters(*(rng.normal(size=values.shape) for values in learner.initial_state().parameters))
     found = learner.step(LearnerState(3, StrictState(at), learner.memory, {}), demonstration, {}).gradient
     rng = np.random.default_rng([3, 0, 3])
-    policy = LatticePlanner(game, LinearDroneReward(game), 0.173, 1.0).plan(*at, rng=rng)
+    reward = ArrivingDroneReward(game)
+    policy = LatticePlanner(game, reward, 0.173, 1.0).plan(*at, rng=rng)
     imagined = drone_rollouts(game, policy, 6, rng)
-    for part, features in zip(found, (game.reward_features, game.cost_features), strict=True):
+    for part, features in zip(found, (reward, game.cost_features), strict=True):
         totals = [features.total(discounted_visitation(of, 0.9)) for of in (imagined, demonstration)]
         np.testing.assert_allclose(part, totals[0] - totals[1], rtol=0, atol=1e-12)
 
@@ -166,7 +169,9 @@ def test_me_greedy_is_refused_for_drones(call: Any) -> None:
         call(*arguments)
 
 
-@pytest.mark.parametrize(("changes", "model"), [({}, LinearDroneReward), (NEURAL, NeuralDroneReward)])
+@pytest.mark.parametrize(
+    ("changes", "model"), [({}, ArrivingDroneReward), (NOT_LATE, LinearDroneReward), (NEURAL, NeuralDroneReward)]
+)
 def test_the_reward_model_is_that_of_the_settings(changes: dict[str, Any], model: type[Any]) -> None:
     settings = drone_experiment(changes)
     assert isinstance(build_learner(settings, "ann").estimator.reward, model)
@@ -228,7 +233,8 @@ def test_policies_are_judged_with_the_reward_that_their_parameters_belong_to() -
     found = evaluation_policy(settings, "me_gradient", game)(Parameters(np.zeros(0), omega))
     expected = LatticePlanner(game, TrueDroneReward(game), 0.173, 1.0).plan(np.zeros(0), omega)
     np.testing.assert_array_equal(found.values(0, starts), expected.values(0, starts))
-    theta = np.random.default_rng(1).normal(size=len(game.reward_features.names))
+    reward = ArrivingDroneReward(game)
+    theta = np.random.default_rng(1).normal(size=reward.size)
     found = evaluation_policy(settings, "bics", game)(Parameters(theta, omega))
-    expected = LatticePlanner(game, LinearDroneReward(game), 0.173, 1.0).plan(theta, omega)
+    expected = LatticePlanner(game, reward, 0.173, 1.0).plan(theta, omega)
     np.testing.assert_array_equal(found.values(0, starts), expected.values(0, starts))

@@ -10,6 +10,7 @@ from slow_lattice import Model, SlowLattice
 from mabirds_core.algorithm.gradient import GradientEstimator
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Array, Vector
+from mabirds_core.games.drones.arrival import ArrivingDroneReward
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.lattice import LatticePlanner, LatticePolicy
 from mabirds_core.games.drones.rewards import LinearDroneReward, NeuralDroneReward, TrueDroneReward
@@ -77,6 +78,7 @@ def reachable(policy: LatticePolicy, slow: SlowLattice, step: int) -> list[tuple
         (LinearDroneReward, 1.0, 1.0),
         (LinearDroneReward, 0.3, 0.1),
         (LinearDroneReward, 20.0, 1.0),
+        (ArrivingDroneReward, 0.3, 1.0),
         (neural, 1.0, 0.5),
         (TrueDroneReward, 1.0, 0.1),
     ],

@@ -73,6 +73,23 @@ class DroneDynamics:
         ways = None if self.goal_ways is None else torch.as_tensor(self.goal_ways, device=device, dtype=dtype)
         return replace(self, library=torch, arena=arena, goals=goals, goal_radii=radii, goal_ways=ways)
 
+    def of_drone(self, drone: int) -> Self:
+        """That of one drone alone.
+
+        Parameters
+        ----------
+        drone : int
+            Index i.
+
+        Returns
+        -------
+        Self
+            With N_E = 1.
+        """
+        only = slice(drone, drone + 1)
+        ways = None if self.goal_ways is None else self.goal_ways[only]
+        return replace(self, goals=self.goals[only], goal_radii=self.goal_radii[only], goal_ways=ways)
+
     @property
     def drone_size(self) -> int:
         """D: numbers in the state of one drone."""

@@ -121,7 +121,7 @@ class LoneField:
         grid : FieldGrid
             Where values are kept.
         rewards : Rewards
-            What r is the sum of: each of the place and, by its square, of the action.
+            What r is the sum of: each of the place, by its square of the action, and of arriving.
         temperature : float
             tau.
 
@@ -137,14 +137,15 @@ class LoneField:
             return np.asarray(sum(terms, np.zeros(places.shape[:-1]))) / temperature
 
         actions, shares = grid.quadrature
-        middle, most = np.array(game.settings.arena) / 2, game.dynamics.max_action
-        effort = float(reward(middle, (most, 0.0)) - reward(middle)) / most**2
+        goal, most = np.array(game.settings.drones[grid.drone].goal_region.centre), game.dynamics.max_action
+        effort = float(reward(goal, (most, 0.0)) - reward(goal)) / most**2
+        arriving = sum(of.arriving(w, grid.drone) for of, w in rewards if hasattr(of, "arriving")) / temperature
         scores = (np.log(shares) + effort * (actions**2).sum(axis=1)).astype(np.float32)[:, None, None]
         idle, arrived = reward(grid.places).astype(np.float32), reward(grid.after[home]).astype(np.float32)
         values, left = np.zeros((game.horizon + 2, *idle.shape), np.float32), steps_left(game)
         for step in range(game.horizon, -1, -1):
             ahead = grid.shifted(values[step + 1])
-            ahead[home] = left[step + 1] * arrived
+            ahead[home] = left[step + 1] * arrived + arriving / game.discount
             values[step] = idle + _log_sum_exp(np.float32(game.discount) * ahead + scores)
         return cls(grid, idle, effort, values)
 

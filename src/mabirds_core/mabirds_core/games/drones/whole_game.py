@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from mabirds_core.arrays import Array, Vector
 from mabirds_core.extras import require
+from mabirds_core.games.drones.arrival import ArrivingDroneReward
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.judge import RolloutJudge
 from mabirds_core.games.drones.learned_costs import measures
@@ -56,6 +57,10 @@ class WholeDroneGame(DroneGame):
     def linear_reward(self) -> LinearDroneReward:
         """theta^T f."""
         return LinearDroneReward(self)
+
+    def arriving_reward(self) -> ArrivingDroneReward:
+        """theta^T f, and a parameter for each drone that comes too late."""
+        return ArrivingDroneReward(self)
 
     def neural_reward(self, hidden: int, bound: float) -> NeuralDroneReward:
         """A network for each drone's place."""

@@ -1,0 +1,118 @@
+"""Rewards of drones that must not come too late: a parameter of its own for being under way at the end.
+
+As of patrollers (``games.patrol.arrival``), with s' where action a leads:
+
+    late_i(s, a) = LATE_SCALE ( gamma 1[s'_i under way] - 1[s_i under way] + 1 / sum_t gamma^t )
+
+of which the discounted sum over a flight that begins under way is gamma^{T+1} LATE_SCALE where drone i does not arrive,
+and 0 where it does. RBFs of places cannot say at what time a drone is where it is.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from mabirds_core.arithmetic import powers
+from mabirds_core.arrays import Array, Vector
+from mabirds_core.games.drones.features import DroneRewardFeatures
+from mabirds_core.games.drones.game import DroneGame
+from mabirds_core.games.interface import Visitation
+
+LATE_SCALE = 10.0
+"""As of patrollers: drones are late seldom, and a larger feature learns faster."""
+
+
+@dataclass(frozen=True)
+class ArrivingDroneReward:
+    """r_theta(s, a) = u^T f(s, a) + sum_i v_i late_i(s_i, a_i) with theta = (u, v).
+
+    Attributes
+    ----------
+    game : DroneGame
+        With N_E drones and K_f reward features.
+    """
+
+    game: DroneGame
+    counts = False
+
+    @property
+    def features(self) -> DroneRewardFeatures:
+        """f of the game."""
+        return self.game.reward_features
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Of theta's entries: places, then lateness, drone by drone."""
+        return (*self.features.names, *(f"drone_{drone + 1} late" for drone in range(self.game.n_experts)))
+
+    @property
+    def size(self) -> int:
+        """K_f + N_E."""
+        return len(self.names)
+
+    @property
+    def total_size(self) -> int:
+        """As ``size``: it is a sum of features."""
+        return self.size
+
+    def initial(self, rng: np.random.Generator) -> Vector:  # noqa: ARG002 - nothing to draw
+        """Zeros, shape (size,): every policy looks alike."""
+        return np.zeros(self.size)
+
+    def total(self, visitation: Visitation) -> Vector:
+        """The visitation's total of f, and of each drone's lateness, shape (size,)."""
+        drones, controls = self.game.drones(visitation.states), self.game.controls(visitation.actions)
+        late = [
+            (visitation.weights * self._late(i, drones[:, i], controls[:, i])).sum() for i in range(self.game.n_experts)
+        ]
+        return np.concatenate([self.features.total(visitation), late])
+
+    def gradient(self, theta: Vector, visitation: Visitation) -> Vector:  # noqa: ARG002 - linear in theta
+        """The same."""
+        return self.total(visitation)
+
+    def gradient_of_total(self, theta: Vector, total: Vector) -> Vector:  # noqa: ARG002 - linear in theta
+        """The total itself."""
+        return total
+
+    def unary(self, theta: Vector, drone: int, states: Array, actions: Array) -> Array:
+        """Rewards of one drone's place and of its lateness."""
+        places, late = np.split(theta, [len(self.features.names)])
+        of_place = self.features.unary(places, drone, states, actions)
+        return np.asarray(of_place + late[drone] * self._late(drone, states, actions))
+
+    def pairwise(self, theta: Vector, pair: int, distances: Array) -> Array:
+        """No cost of distances."""
+        return self.features.pairwise(theta, pair, distances)
+
+    def arriving(self, theta: Vector, drone: int) -> float:
+        """What a step earns besides where it ends in the goal region.
+
+        Parameters
+        ----------
+        theta : Vector
+            Shape (size,).
+        drone : int
+            Index i.
+
+        Returns
+        -------
+        float
+            -gamma LATE_SCALE v_i.
+        """
+        return float(-self.game.discount * LATE_SCALE * theta[len(self.features.names) + drone])
+
+    def _late(self, drone: int, states: Array, actions: Array) -> Array:
+        """late_i of states (..., D) and actions that fit them."""
+        dynamics = self.game.dynamics.of_drone(drone)
+        shape = np.broadcast_shapes(states.shape[:-1], actions.shape[:-1])
+        here = np.broadcast_to(states, (*shape, states.shape[-1]))[..., None, :]
+        after = dynamics.step(here, np.broadcast_to(actions, (*shape, 2))[..., None, :])
+        under_way, still = (~dynamics.arrived(at[..., :2])[..., 0] for at in (here, after))
+        return np.asarray(LATE_SCALE * (self.game.discount * still - under_way + 1 / self._steps))
+
+    @cached_property
+    def _steps(self) -> float:
+        """sum_t gamma^t, t = 0..T."""
+        return float(powers(self.game.discount, self.game.horizon + 1).sum())
