@@ -119,7 +119,7 @@ def test_classes_and_methods_of_the_architecture_exist() -> None:
 
 
 def test_functions_that_the_pages_name_exist() -> None:
-    names = {"build_game", "build_learner", "build_method", "learners_reward", "simulate", "simulate_central"}
+    names = {"build_game", "build_learner", "build_method", "simulate", "simulate_central"}
     text = architecture() + (DOCS / "tasks" / "without-ros.md").read_text(encoding="utf-8")
     assert set(re.findall(r"\b(?:build|simulate)_\w+|\bsimulate\b", text)) == names
     modules = [importlib.import_module(f"mabirds_core.experiment.{name}") for name in ("assembly", "simulate")]
