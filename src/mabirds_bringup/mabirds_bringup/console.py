@@ -6,11 +6,28 @@ import signal
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from threading import Event, Thread
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    Task,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 from rich.table import Table
+
+from mabirds_bringup.watch.eta import eta_text
+
+NEWS = 10.0
+"""Seconds between two lines of progress where no terminal is."""
+
+REMEMBERED = 3600.0
+"""Seconds of steps by which the time that is left is told: one step may take minutes."""
 
 OF_TRUTH = ("CVR", "SR", "late", "nats", "FDR")
 """Columns of the summary that need the true constraints, or experts who know them."""
@@ -52,11 +69,41 @@ def print_json(content: Any, stream: Any) -> None:
     print(json.dumps(content), file=stream, flush=True)
 
 
-def progress_bar() -> Progress:
-    """A bar with count, time and time that is left, for long work."""
+@contextmanager
+def progress_bar() -> Iterator[Progress]:
+    """A bar with count, time and time that is left, for long work; a line every NEWS seconds where no terminal is."""
     counted = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     columns = (*counted, TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn())
-    return Progress(*columns, console=console)
+    with Progress(*columns, console=console, speed_estimate_period=REMEMBERED) as bar, _lines(bar):
+        yield bar
+
+
+@contextmanager
+def _lines(bar: Progress) -> Iterator[None]:
+    """Tell what a bar shows; from a thread, as work may take long before it comes to its first step."""
+    done = Event()
+
+    def tell() -> None:
+        while not done.wait(NEWS):
+            for task in (task for task in bar.tasks if not task.finished):
+                console.print(progress_line(task), soft_wrap=True)
+
+    telling = Thread(target=tell, daemon=True)
+    if not console.is_terminal:
+        telling.start()
+    try:
+        yield
+    finally:
+        done.set()
+        if telling.is_alive():
+            telling.join()
+
+
+def progress_line(task: Task) -> str:
+    """How far a task is, and how long it still takes, in a line."""
+    count = f"{task.completed:g}" if task.total is None else f"{task.completed:g}/{task.total:g}"
+    left = eta_text(task.time_remaining)
+    return f"{task.description} {count}, {eta_text(task.elapsed)}" + (f", {left} left" if left else "")
 
 
 def summary_table(summary: dict[str, Any]) -> Table:

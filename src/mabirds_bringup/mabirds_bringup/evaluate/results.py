@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from mabirds_bringup.console import console, judges_table, progress_bar, summary_table
-from mabirds_bringup.evaluate.evaluation import LearnerMetrics, evaluate, summary
+from mabirds_bringup.evaluate.evaluation import LearnerMetrics, evaluate, step_count, summary
 from mabirds_bringup.report.page import write_report
 from mabirds_bringup.run import run_directory
 from mabirds_bringup.run.certificate import Certificate
@@ -48,18 +48,12 @@ def write_results(
     """
     from mabirds_bringup.report.figures import save_figures  # matplotlib takes a second to load
 
-    judge = build_game(experiment).judge
-    total = sum(len(judge.eval_iterations(len(parameters))) for parameters in history.values())
+    total = step_count(build_game(experiment), history)
     rows: list[LearnerMetrics] = []
     try:
         with progress_bar() as bar:
-            task = bar.add_task("evaluating", total=total)
-
-            def on_row(row: LearnerMetrics) -> None:
-                rows.append(row)
-                bar.advance(task)
-
-            evaluation = evaluate(experiment, history, demonstrations, on_row, run_directory.read_judged(directory))
+            task, judged = bar.add_task("evaluating", total=total), run_directory.read_judged(directory)
+            evaluation = evaluate(experiment, history, demonstrations, rows.append, judged, lambda: bar.advance(task))
     except KeyboardInterrupt:
         run_directory.write_judged(directory, rows)
         raise
