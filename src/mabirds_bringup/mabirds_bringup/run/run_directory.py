@@ -68,6 +68,12 @@ def make_latest(directory: Path) -> None:
     temporary.replace(link)
 
 
+def command_line() -> str:
+    """The command as it was typed, be it ``mabirds`` or ``python -m mabirds_bringup``."""
+    name = Path(sys.argv[0]).name
+    return shlex.join(["mabirds" if name == "__main__.py" else name, *sys.argv[1:]])
+
+
 def write_manifest(
     directory: Path, experiment: Experiment, file: Path, mode: str, bag_digest: str | None, more: Mapping[str, Any]
 ) -> None:
@@ -91,7 +97,7 @@ def write_manifest(
             "commit": _commit(file.resolve().parent),
             "versions": {"python": platform.python_version(), **{name: _version(name) for name in PACKAGES}},
             "machine": {"system": platform.platform(), "cores": os.cpu_count()},
-            "command": shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]),
+            "command": command_line(),
             "started": datetime.now(UTC).isoformat(timespec="seconds"),
         },
     )
