@@ -17,6 +17,7 @@ import pytest
 import yaml
 from rosbags.rosbag2 import Reader
 
+from mabirds_bringup.report.said import TIMES
 from mabirds_bringup.run.processes import learner_command
 
 MABIRDS = [str(Path(sys.executable).with_name("mabirds"))]

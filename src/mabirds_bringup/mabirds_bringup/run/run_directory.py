@@ -32,6 +32,7 @@ CONTENTS = {
     "map.png": "what each learner takes for forbidden, and how it would act",
     "curves.png": "rates and consensus distances against demonstrations",
     "schedule.png": "who was to hear whom, slot by slot",
+    "delivered.png": "who really heard whom, iteration by iteration; of a network's run",
     "parameters": "theta and omega of every learner and iteration, and whose it mixed",
     "checkpoints": "of every learner; they hold demonstrations",
     "bag": "parameters, status and schedule of every learner; no demonstrations, which stay where they belong",
