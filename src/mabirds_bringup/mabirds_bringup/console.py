@@ -107,21 +107,32 @@ def progress_line(task: Task) -> str:
 
 
 def summary_table(summary: dict[str, Any]) -> Table:
-    """The summary of a run for the terminal, 80 columns wide.
+    """The summary of a run for the terminal, at most 60 columns wide.
 
-    late: the least SR of the last 15 iterations; forbidden: learned constraints; open: features that are undetermined.
+    late: the least SR of the last 15 iterations; found: learned constraints; open: features that are undetermined.
     What needs the truth is left out where nobody knows it.
     """
     experts = summary["expert_log_likelihood"]
     caption = None if experts is None else f"the experts' own likelihood {experts:.2f} nats"
-    table = Table(title=f"{summary['experiment']}: constraints by {summary['constraint_rule']}", caption=caption)
+    title = f"{summary['experiment']}: constraints by {summary['constraint_rule']}"
+    table = _narrow_table(title, caption)
     lines = [_summary_line(name, row) for name, row in summary["learners"].items()]
     for column in lines[0]:
         if column not in OF_TRUTH or any(line[column] for line in lines):
-            table.add_column(column, justify="left" if column == "learner" else "right", no_wrap=True)
+            _add_column(table, column)
     for line in lines:
         table.add_row(*(line[str(column.header)] for column in table.columns))
     return table
+
+
+def _narrow_table(title: str, caption: str | None) -> Table:
+    return Table(title=title, caption=caption, box=None, padding=(0, 1, 0, 0), pad_edge=False)
+
+
+def _add_column(table: Table, column: str) -> None:
+    """Where there is little room, names are folded, never numbers cut."""
+    is_name = column in {"learner", "planner"}
+    table.add_column(column, justify="left" if is_name else "right", no_wrap=not is_name, overflow="fold")
 
 
 def _summary_line(name: str, row: Mapping[str, Any]) -> dict[str, str]:
@@ -132,20 +143,20 @@ def _summary_line(name: str, row: Mapping[str, Any]) -> dict[str, str]:
         "SR": _number(row["success_rate"], ".4f"),
         "late": _number(row["success_late_minimum"], ".4f"),
         "nats": _number(row["held_out_log_likelihood"], ".2f"),
-        "forbidden": str(len(row["learned_constraints"])),
+        "found": str(len(row["learned_constraints"])),
         "FDR": _number(row["false_discovery_rate"], ".3f"),
         "open": _number(row["undetermined"], "d"),
     }
 
 
 def judges_table(summary: dict[str, Any]) -> Table | None:
-    """What planners that took no part make of what was learned, 80 columns wide; None where there are none."""
+    """What planners that took no part make of what was learned, for 60 columns; None where there are none."""
     lines = [(name, judge, of) for name, row in summary["learners"].items() for judge, of in row["judges"].items()]
     if not lines:
         return None
-    table = Table(title="by planners that took no part in the learning")
+    table = _narrow_table("by planners that took no part in the learning", None)
     for column in ("learner", "planner", "CVR", "SR", "V_0", "gap"):
-        table.add_column(column, justify="left" if column in {"learner", "planner"} else "right", no_wrap=True)
+        _add_column(table, column)
     for name, judge, verdict in lines:
         rates = (_number(verdict[key], ".4f") for key in ("violation_rate", "success_rate"))
         table.add_row(name, judge, *rates, _number(verdict["value"], ".2f"), _number(verdict["certificate"], ".3f"))

@@ -191,7 +191,7 @@ def text_of(content: dict[str, Any]) -> str:
     with open(os.devnull, "w", encoding="utf-8") as nowhere:  # noqa: PTH123
         console = Console(width=160, record=True, file=nowhere)
         console.print(summary_table(content))
-    return console.export_text()
+    return " ".join(console.export_text().split())
 
 
 def test_the_table_shows_the_worst_late_rate_and_the_likelihood(content: dict[str, Any]) -> None:
