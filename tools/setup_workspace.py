@@ -27,7 +27,7 @@ import tempfile
 import time
 import zipfile
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NoReturn
 
@@ -47,9 +47,12 @@ USER_CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
 WHEEL_CACHE = Path(os.environ.get("MABIRDS_CACHE") or USER_CACHE / "mabirds" / "wheels").absolute()
 GIGABYTES_NEEDED = 2
 LOOK, NEWS = 0.5, 10.0  # seconds between two looks at a command, and between two lines where there is no terminal
+USUAL = {1: 1.0, 2: 8.0, 3: 140.0, 4: 60.0, 5: 15.0}  # seconds of each step, on two cores where nothing is there yet
 EXIT_MISSING, EXIT_FAILED, EXIT_INTERRUPTED = 3, 4, 130
 MACHINE = (str(sys.implementation.cache_tag), sysconfig.get_platform(), *platform.libc_ver())
 PLACE = f"{VENV} {sys.base_prefix} {MACHINE}"  # what .venv is made for
+
+BEGUN: dict[int, float] = {}  # when each step began, by the steady clock; the last is the present one
 
 # Where packages come from is the user's to say; other settings of pip (user, target, no-deps ...) do harm.
 PIP_SETTING_KEPT = re.compile(
@@ -151,15 +154,16 @@ def run(*command: str | Path, remedy: str, changes_venv: bool = True) -> None:
 
 def show_progress(process: subprocess.Popen[bytes], begun: int) -> None:
     """Until a command ends, what its log says it is at: in place on a terminal, else a line every NEWS seconds."""
-    started = told = time.monotonic()
+    told, before, seen = time.monotonic(), installed_count(), list[tuple[float, float]]()
     while True:
         try:
             process.wait(LOOK)
         except subprocess.TimeoutExpired:
-            now = time.monotonic()
+            now, (words, share) = time.monotonic(), newest_words(begun, before)
+            seen += [(now, share)] if share is not None else []
             if sys.stdout.isatty() or now - told > NEWS:
                 told = now
-                tell(f"{now - started:.0f} s: {newest_words(begun)}")
+                tell(f"{progress_words(now, seen)}: {words}")
             continue
         except KeyboardInterrupt:
             process.terminate()
@@ -172,20 +176,54 @@ def show_progress(process: subprocess.Popen[bytes], begun: int) -> None:
 def tell(words: str) -> None:
     """Words behind the step: on a terminal over what stood there, from where they leave the cursor as it was."""
     if sys.stdout.isatty():
-        room = max(12, shutil.get_terminal_size().columns - 64)  # for the longest step's words stand before
+        room = max(12, shutil.get_terminal_size().columns - 42)  # for the longest step's words stand before
         print(f"\x1b7\x1b[K{words[:room]}\x1b8", end="", flush=True)
     else:
         print(f"\n      {words[:72]}", end=" ", flush=True)
 
 
-def newest_words(begun: int) -> str:
-    """The last thing that pip or a compiler said: which package it collects, how far a build is."""
+def progress_words(now: float, seen: Sequence[tuple[float, float]] = ()) -> str:
+    """How long the present step has taken, and what is left of all, as an estimate.
+
+    By the pace of what was ``seen`` (pairs of time and share that is done), else by how long steps usually take.
+    """
+    number, begun = list(BEGUN.items())[-1]
+    left = USUAL[number] - (now - begun)
+    if seen and seen[-1][1] > seen[0][1]:
+        (first, share), (last, done) = seen[0], seen[-1]
+        left = (1 - done) * (last - first) / (done - share)
+    later = sum(seconds for other, seconds in USUAL.items() if other > number)
+    words = f"about {round_seconds(left + later)} left" if left >= 0 else "longer than usual"
+    return f"{now - begun:.0f} s, {words}"
+
+
+def round_seconds(seconds: float) -> str:
+    """An estimate in words, no finer than ten seconds."""
+    tens = max(10, 10 * round(seconds / 10))
+    return f"{tens} s" if tens < 100 else f"{round(seconds / 60)} min"
+
+
+def installed_count() -> int:
+    """How many packages .venv has."""
+    return len(list(VENV.glob("lib/python*/site-packages/*.dist-info")))
+
+
+def newest_words(begun: int, before: int = 0) -> tuple[str, float | None]:
+    """The last thing that pip or a compiler said, and which share of a step is done, where they say it.
+
+    ``before``: packages that were there when the command began.
+    """
     with LOG.open("rb") as log:
         log.seek(begun)
-        lines = log.read().decode(errors="replace").split("\n")
-    said = [line.strip() for line in lines if re.match(r"\s*(Collecting|Downloading|Building|Installing|\[\d+/)", line)]
-    count = sum(line.startswith("Collecting") for line in lines)
-    return f"{count} packages, {said[-1]}" if said and count else (said[-1] if said else "at work")
+        lines = [line.strip() for line in log.read().decode(errors="replace").split("\n")]
+    said = [line for line in lines if re.match(r"(Collecting|Downloading|Building|Installing|\[\d+/)", line)]
+    last, collected = said[-1] if said else "at work", sum(line.startswith("Collecting") for line in lines)
+    if last.startswith("Installing collected packages:") and (done := installed_count() - before) > 0:
+        total = last.count(",") + 1
+        return f"{done} of {total} packages installed", min(1.0, done / total)
+    if built := re.match(r"\[(\d+)/(\d+)\]", last):
+        return last, int(built[1]) / max(1, int(built[2]))
+    return f"{collected} packages, {last}" if said and collected else last, None
 
 
 def pip(*arguments: str | Path, remedy: str) -> None:
@@ -217,7 +255,7 @@ def build_messages(folder: Path) -> Path:
     """Compile the messages; the wheel enters the cache in one move, whoever else is building it."""
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=folder) as scratch:
-        options = ("--no-deps", "--build-constraint", CONSTRAINTS, "--wheel-dir", scratch)
+        options = ("--verbose", "--no-deps", "--build-constraint", CONSTRAINTS, "--wheel-dir", scratch)
         pip("wheel", *options, ROOT / "ros_ws/src/mabirds_msgs", remedy="Mend the log's first error.")
         (built,) = Path(scratch).glob("*.whl")
         return built.replace(folder / built.name)
@@ -227,7 +265,7 @@ def install_messages() -> None:
     """Install the compiled messages, from the cache if it has them."""
     folder = WHEEL_CACHE / digest(MESSAGE_SOURCES, *MACHINE)
     cached = next((wheel for wheel in folder.glob("*.whl") if zipfile.is_zipfile(wheel)), None)
-    with step(4, "installing mabirds_msgs" if cached else "building mabirds_msgs (about a minute, once)"):
+    with step(4, "installing mabirds_msgs" if cached else "building mabirds_msgs"):
         wheel = cached or build_messages(folder)
         remedy = f"Is the wheel broken? Then delete {wheel} and run make clean setup."
         pip("install", "--no-deps", "--force-reinstall", wheel, remedy=remedy)
@@ -244,7 +282,7 @@ def install_packages() -> None:
 @contextlib.contextmanager
 def step(number: int, words: str) -> Iterator[None]:
     """Announce a step, and say how long it took."""
-    started = time.monotonic()
+    started = BEGUN[number] = time.monotonic()
     print(f"[{number}/5] {words} ... ", end="", flush=True)
     yield
     print(f"{time.monotonic() - started:.1f} s", flush=True)
@@ -253,11 +291,12 @@ def step(number: int, words: str) -> Iterator[None]:
 def set_up() -> None:
     """Do what is left to do, one step after another."""
     key = digest(SOURCES, PLACE)
+    print(f"this takes about {round_seconds(sum(USUAL.values()))} where nothing is there yet, else less", flush=True)
     with step(1, "checking this machine"):
         check_prerequisites()
     with step(2, "making .venv"):
         make_venv()
-    with step(3, "installing Python packages (a minute or two, once)"):
+    with step(3, "installing Python packages"):
         install_requirements()
     install_messages()
     with step(5, "installing the packages of src/"):

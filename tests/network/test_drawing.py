@@ -1,6 +1,7 @@
 """Learners beside a node that draws them: what stock tools are configured for exists, with its types and fields."""
 
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -139,6 +140,15 @@ def test_a_picture_of_nothing_is_told_and_not_made(tmp_path: Path) -> None:
     assert (done.returncode, done.stdout) == (4, "")
     assert "start `mabirds draw`" in done.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+def test_demonstrations_are_not_drawn_where_security_is_on(make_experiment: Callable[..., Path]) -> None:
+    """For no enclave of drawings may hear them."""
+    command = [sys.executable, "-m", "mabirds_bringup", "draw", str(make_experiment()), "--demonstrations"]
+    settings = {**os.environ, "ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_STRATEGY": "Enforce"}
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, env=settings)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "learners alone may hear what they are shown; leave it out" in " ".join(done.stderr.split())
 
 
 def test_drawings_of_a_process_become_a_picture(

@@ -16,8 +16,13 @@ import pytest
 import yaml
 from mabirds_msgs.msg import EdgeSchedule, FeatureNames, LearnerStatus
 from mabirds_msgs.msg import Parameters as ParametersMessage
+from rclpy._rclpy_pybind11 import RCLError
+from rclpy.node import Node
+from std_msgs.msg import String
 
 from mabirds_bringup.run.processes import learner_command, player_command, start, stop
+from mabirds_bringup.topics.listening import Listening, listener_node
+from mabirds_bringup.topics.parameters import Services
 from mabirds_bringup.topics.plain import InspectionError, field_of, fill, flat, named, plain
 from mabirds_core.experiment.file import load_experiment
 from mabirds_core.experiment.names import ParameterNames
@@ -165,6 +170,25 @@ def test_a_late_joiner_is_shown_the_newest_of_what_is_kept(make_experiment: Call
     )
     nodes.spin_until(lambda: process.poll() is not None)
     assert process.communicate()[0].split()[0] == "500"
+
+
+@pytest.mark.parametrize("end", ["subscription", "client"])
+def test_what_permissions_refuse_is_said(nodes: Any, monkeypatch: pytest.MonkeyPatch, end: str) -> None:
+    """A stand-in, since the wheels hold no middleware with security."""
+    speaker, listener = nodes.plain("speaker"), nodes.add(listener_node(context=nodes.context))
+    speaker.create_publisher(String, "/secret", 1)
+    listening = Listening(listener, nodes.executor, 5.0)
+    look = {
+        "subscription": lambda: listening.newest("/secret"),
+        "client": lambda: Services(listener, listening).get("/speaker", ["rate"]),
+    }
+
+    def refuse(*_: Any, **__: Any) -> None:
+        raise RCLError("/secret not found in allow rule")
+
+    monkeypatch.setattr(Node, f"create_{end}", refuse)
+    with pytest.raises(InspectionError, match="the middleware refuses it .*allow rule.*; with security on"):
+        look[end]()
 
 
 def test_plain_values_and_back() -> None:

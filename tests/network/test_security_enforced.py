@@ -5,9 +5,10 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime, timedelta
+from fnmatch import fnmatchcase as fnmatch
 from pathlib import Path
 from threading import Event, Thread
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 import rclpy
@@ -18,15 +19,18 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
+from mabirds_bringup.dashboard.board import Board, Control
+from mabirds_bringup.draw.listener import DrawnListener
+from mabirds_bringup.draw.node import DrawingNode
 from mabirds_bringup.run.declaration import MembershipPublisher
 from mabirds_bringup.run.processes import learner_command, player_command
 from mabirds_bringup.security.keystore import create_keystore
 from mabirds_bringup.security.permissions import Validity
 from mabirds_bringup.security.policy import Access, Policy
-from mabirds_bringup.watch.inspector import InspectorNode
+from mabirds_bringup.watch.drawn_costs import CostsInspectorNode
 from mabirds_bringup.watch.monitor import MonitorNode
 from mabirds_bringup.watch.player_client import NoPlayerError, PlayerClient
-from mabirds_core.experiment.file import load_experiment
+from mabirds_core.experiment.file import Experiment, load_experiment
 from mabirds_expert_player.player_node import ExpertPlayerNode
 from mabirds_learner.baseline_node import BaselineNode
 from mabirds_msgs_py.bag_writer import BagWriter
@@ -73,8 +77,10 @@ def differences(observer: Node, processes: Sequence[Access]) -> list[str]:
     for process in (process for process in processes if process.enclave not in found):
         real, allowed = on_the_graph(observer, process), in_the_policy(process)
         for right in real:
-            found += [f"{process.enclave} may not {right} {name}" for name in sorted(real[right] - allowed[right])]
-            found += [f"{process.enclave} does not {right} {name}" for name in sorted(allowed[right] - real[right])]
+            unasked = {name for name in real[right] if not any(fnmatch(name, each) for each in allowed[right])}
+            unused = {each for each in allowed[right] if not any(fnmatch(name, each) for name in real[right])}
+            found += [f"{process.enclave} may not {right} {name}" for name in sorted(unasked)]
+            found += [f"{process.enclave} does not {right} {name}" for name in sorted(unused)]
     return found
 
 
@@ -109,6 +115,21 @@ def a_client_that_asks(nodes: Any, player: str = "/expert_player") -> Iterator[N
     client.destroy_node()
 
 
+@contextmanager
+def people_who_look(nodes: Any, experiment: Experiment) -> Iterator[None]:
+    """An inspector's table, drawings, a picture of them, and a page whose every button has been pressed."""
+    for looking in (CostsInspectorNode(lambda *_: None, context=nodes.context), DrawnListener(context=nodes.context)):
+        nodes.add(looking)
+    nodes.add(DrawingNode(experiment, rate=20.0, context=nodes.context))
+    page = Board(experiment, context=nodes.context)
+    page.start()
+    nodes.spin_until(lambda: page.snapshot.player is not None)
+    for control in get_args(Control):
+        page.ask(control, **({"rate": 2.0} if control == "set_rate" else {}))
+    yield
+    page.stop()
+
+
 @pytest.fixture
 def recording(tmp_path: Path) -> Iterator[BagWriter]:
     with BagWriter(tmp_path / "recording") as writer:
@@ -126,10 +147,9 @@ def test_the_policy_is_what_the_nodes_of_a_network_do(
         nodes.learner(file, name)
     nodes.player(file, clock=1.0)
     nodes.add(MonitorNode(experiment, recording, context=nodes.context))
-    nodes.add(InspectorNode(context=nodes.context))
     if mixing == "resilient":
         nodes.add(MembershipPublisher(experiment.learners, context=nodes.context))
-    with a_client_that_asks(nodes):
+    with a_client_that_asks(nodes), people_who_look(nodes, experiment):
         assert settled_differences(nodes, Policy(experiment).processes()) == []
 
 
@@ -140,9 +160,8 @@ def test_the_policy_of_a_fleet_has_its_namespace(make_experiment: Callable[..., 
         nodes.learner(file, f"depot/{name}")
     parameters = [Parameter("experiment", value=str(file)), Parameter("clock", value=1.0)]
     nodes.add(ExpertPlayerNode(context=nodes.context, namespace="/depot", parameter_overrides=parameters))
-    nodes.add(InspectorNode(context=nodes.context))
     processes = Policy(experiment, "/depot").processes()
-    with a_client_that_asks(nodes, "/depot/expert_player"):
+    with a_client_that_asks(nodes, "/depot/expert_player"), people_who_look(nodes, experiment):
         assert settled_differences(nodes, [one for one in processes if one.node != "monitor"]) == []
 
 
@@ -155,8 +174,7 @@ def test_the_policy_of_a_central_method_is_what_it_does(
     nodes.add(BaselineNode(context=nodes.context, namespace="/bics", parameter_overrides=parameters))
     nodes.player(file, baseline="bics", clock=1.0)
     nodes.add(MonitorNode(experiment, recording, names=["bics"], context=nodes.context))
-    nodes.add(InspectorNode(context=nodes.context))
-    with a_client_that_asks(nodes):
+    with a_client_that_asks(nodes), people_who_look(nodes, experiment):
         assert settled_differences(nodes, Policy(experiment, method="bics").processes()) == []
 
 

@@ -17,6 +17,7 @@ import pytest
 import yaml
 from rosbags.rosbag2 import Reader
 
+from mabirds_bringup.report.said import TIMES
 from mabirds_bringup.run.processes import learner_command
 
 MABIRDS = [str(Path(sys.executable).with_name("mabirds"))]
@@ -76,13 +77,14 @@ def test_run_fills_the_run_directory(finished_run: tuple[Path, dict[str, Any]]) 
         rates = ("violation_rate", "success_rate", "false_positive_rate", "false_negative_rate")
         assert all(0 <= row[rate] <= 1 for rate in rates)
     assert {"theta", "omega", "policy"} == set(summary["consensus_distance"])
-    assert (latest / "report.html").read_text(encoding="utf-8").count("<img") == 3
+    assert (latest / "report.html").read_text(encoding="utf-8").count("<img") == 4
     assert {file.name for file in (latest / "logs").glob("*.log")} == {
         "learner_1.log",
         "learner_2.log",
         "expert_player.log",
     }
-    for picture in ("map.png", "curves.png"):
+    assert all(column in (latest / "report.html").read_text(encoding="utf-8") for column in TIMES)
+    for picture in ("map.png", "curves.png", "schedule.png", "delivered.png"):
         assert (latest / picture).read_bytes().startswith(b"\x89PNG")
 
 

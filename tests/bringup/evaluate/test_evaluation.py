@@ -193,7 +193,7 @@ def text_of(content: dict[str, Any]) -> str:
     with open(os.devnull, "w", encoding="utf-8") as nowhere:  # noqa: PTH123
         console = Console(width=160, record=True, file=nowhere)
         console.print(summary_table(content))
-    return console.export_text()
+    return " ".join(console.export_text().split())
 
 
 def test_the_table_shows_the_worst_late_rate_and_the_likelihood(content: dict[str, Any]) -> None:
@@ -222,8 +222,8 @@ def test_a_run_directory_holds_the_summary_and_a_page(
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     row = content["learners"]["learner_1"]
     for name, confidence in row["learned_constraints"].items():
-        assert f"<li>{name}: {confidence:.3f}</li>" in page
-    for shown in (f"{row['undetermined']} features undetermined", f"{row['held_out_log_likelihood']:.2f}"):
+        assert f"<td>{name}</td><td>{confidence:.3f}</td>" in page
+    for shown in (f"and {row['undetermined']} undetermined", f"{row['held_out_log_likelihood']:.2f}"):
         assert shown in page
     header, first, *_ = (tmp_path / "metrics.csv").read_text(encoding="utf-8").splitlines()
     assert "held_out_log_likelihood" in header.split(",")

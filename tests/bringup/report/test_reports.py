@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 from mabirds_msgs.msg import LearnerStatus
 
 from mabirds_bringup.commands.report import report
@@ -15,6 +16,7 @@ from mabirds_bringup.commands.simulate import simulate
 from mabirds_bringup.report.comparison import UnjudgedRunError, differences, load_judged
 from mabirds_bringup.report.findings import findings
 from mabirds_bringup.report.measures import MEASURES
+from mabirds_bringup.report.page import constraints, manifest
 from mabirds_bringup.report.traffic import traffic
 from mabirds_msgs_py.bag_writer import BagWriter
 
@@ -79,6 +81,20 @@ def test_the_markdown_says_the_same(runs: list[Path]) -> None:
     assert len(table) == 2
     assert len({line.count("|") for line in table}) == 1
     assert table[0].count("|") == 3 + len(MEASURES)
+
+
+def test_constraints_are_a_table_by_name_and_learner() -> None:
+    first, second = {"wall": 0.9, "swap": 0.6}, {"swap": 0.95, "door": None}
+    summary = summary_of({"learned_constraints": first}, {"learned_constraints": second})
+    assert constraints(summary) == [["swap", "0.600", "0.950"], ["wall", "0.900", ""], ["door", "", "yes"]]
+
+
+def test_a_map_in_the_settings_looks_like_one(tmp_path: Path) -> None:
+    content = {"settings": {"map": "##\n#.\n", "name": "one: two"}}
+    (tmp_path / "manifest.json").write_text(json.dumps(content), encoding="utf-8")
+    text = manifest(tmp_path)["settings_text"]
+    assert text == "map: |\n  ##\n  #.\nname: 'one: two'\n"
+    assert yaml.safe_load(text) == content["settings"]
 
 
 def test_several_runs_are_compared(runs: list[Path], tmp_path: Path) -> None:

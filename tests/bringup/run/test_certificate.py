@@ -127,7 +127,7 @@ def test_an_interrupted_evaluation_keeps_what_was_judged(
     judged = list[Any]()
 
     def interrupted(*arguments: Any) -> Any:
-        experiment, history, demonstrations, on_row, known = arguments
+        experiment, history, demonstrations, on_row, known, _ = arguments
         assert [row.iteration for row in known] == judged
 
         def on_each(row: Any) -> None:

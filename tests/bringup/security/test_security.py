@@ -1,6 +1,5 @@
 """Policies and permissions: who may say and hear what, in SROS2's words and in those of DDS Security."""
 
-import itertools
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from fnmatch import fnmatchcase
@@ -26,6 +25,8 @@ VALIDITY = Validity(BEGIN, BEGIN + timedelta(days=30))
 
 # learner_1 and learner_3 never talk to each other directly.
 LINE = {"kind": "slots", "slots": [[["learner_1", "learner_2"], ["learner_2", "learner_3"]]], "undirected": True}
+
+WATCHERS = ("/monitor", "/inspector", "/dashboard", "/drawing", "/picture")
 
 MakeExperiment = Callable[..., Path]
 
@@ -93,24 +94,41 @@ def test_nobody_reads_demonstrations_of_others_or_speaks_for_them(
 
 def test_those_who_watch_publish_nothing_of_the_network(line: Experiment) -> None:
     processes = by_enclave(Policy(line))
-    for enclave in ("/monitor", "/inspector"):
+    for enclave in ("/monitor", "/inspector", "/dashboard", "/picture"):
         assert processes[enclave].publish == ("/parameter_events", "/rosout")
         assert not any("demonstration" in name for name in processes[enclave].subscribe)
 
 
 def test_a_central_method_takes_the_learners_place(line: Experiment) -> None:
     processes = by_enclave(Policy(line, method="ftl"))
-    assert set(processes) == {"/ftl", "/expert_player", "/monitor", "/inspector", "/player_client"}
+    assert set(processes) == {"/ftl", "/expert_player", "/player_client", *WATCHERS}
     assert processes["/ftl"].subscribe == tuple(f"/{name}/demonstration" for name in line.learners)
     assert processes["/expert_player"].subscribe == ("/ftl/status",)
 
 
-def test_no_name_is_a_pattern(line: Experiment) -> None:
-    """Else a name would match more than itself."""
-    for process in Policy(line, "/depot").processes():
-        for name in itertools.chain(process.publish, process.subscribe, process.reply, process.request):
-            assert name.startswith("/")
-            assert not set(name) & set("*?[]~{}")
+def test_no_name_is_a_pattern_but_for_what_is_drawn_of_a_learner(line: Experiment) -> None:
+    """Else a name would match more than itself. What matches these, nobody but drawings publishes."""
+    processes = Policy(line, "/depot").processes()
+    names = {name for one in processes for name in (*one.publish, *one.subscribe, *one.reply, *one.request)}
+    patterns = {name for name in names if set(name) & set("*?[]~{}")}
+    assert patterns == {f"/depot/{name}/drawn/{kind}" for name in line.learners for kind in ("*", "costs/*")}
+    assert all(name.startswith("/") for name in names)
+    for name in names - patterns:
+        assert not any(fnmatchcase(name, pattern) for pattern in patterns)
+
+
+def test_drawings_publish_drawings_only_and_hear_no_demonstrations(line: Experiment) -> None:
+    processes = by_enclave(Policy(line))
+    drawing = processes["/drawing"]
+    assert all("/drawn/" in name for name in set(drawing.publish) - {"/parameter_events", "/rosout"})
+    assert not any("demonstration" in name for name in drawing.subscribe)
+    assert drawing.request == processes["/picture"].request == ()
+    assert [name for name, one in processes.items() if any("/drawn/" in topic for topic in one.publish)] == ["/drawing"]
+
+
+def test_a_page_calls_what_its_buttons_do_and_nothing_else(line: Experiment) -> None:
+    calls = by_enclave(Policy(line, "/depot"))["/dashboard"].request
+    assert calls == tuple(f"/depot/expert_player/{name}" for name in ("play_next", "set_rate", "toggle_paused"))
 
 
 def test_a_learner_with_the_name_of_a_watcher_is_refused(make_experiment: MakeExperiment) -> None:

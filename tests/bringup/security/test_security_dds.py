@@ -137,10 +137,25 @@ def test_a_learner_can_do_what_its_policy_says_and_nothing_else(enclaves: Path, 
     ]
 
 
-@pytest.mark.parametrize("enclave", ["expert_player", "monitor", "inspector"])
+@pytest.mark.parametrize("enclave", ["expert_player", "monitor", "inspector", "dashboard", "drawing", "picture"])
 def test_everybody_can_join(enclaves: Path, peer: Peer, enclave: str) -> None:
     said = peer(enclaves / enclave, "w:rt/rosout", "w:rt/learner_1/parameters", seconds=0)
     assert said == ["participant made", "w:rt/rosout allowed", "w:rt/learner_1/parameters refused"]
+
+
+def test_drawings_may_have_any_name_below_drawn_and_no_other(
+    enclaves: Path, peer: Peer, speaker: Callable[[Path | None, str], None]
+) -> None:
+    """What permissions say by a pattern is opened, heard by those who may hear it, and by nobody else."""
+    number, grid = "rt/learner_1/drawn/scalars/omega_norm", "rt/learner_1/drawn/costs/expert_1"
+    allowed = (f"w:{number}", f"w:{grid}", "w:rt/drawn/consensus/theta", "r:rt/learner_2/parameters")
+    refused = ("w:rt/learner_1/parameters", "w:rt/learner_1/drawn", "w:rt/drawn/other", "r:rt/learner_1/demonstration")
+    said = peer(enclaves / "drawing", *allowed, *refused, seconds=0)
+    assert said[1:] == [*(f"{topic} allowed" for topic in allowed), *(f"{topic} refused" for topic in refused)]
+    said = peer(enclaves / "inspector", f"r:{grid}", f"w:{grid}", f"r:{number}", seconds=0)
+    assert said[1:] == [f"r:{grid} allowed", f"w:{grid} refused", f"r:{number} refused"]
+    speaker(enclaves / "drawing", grid)
+    assert f"r:{grid} received" in peer(enclaves / "picture", f"r:{grid}")
 
 
 @pytest.mark.parametrize("zone", ["UTC", "Asia/Tokyo", "America/Los_Angeles", "Etc/GMT+12"])

@@ -25,6 +25,9 @@ MABIRDS = str(Path(sys.executable).with_name("mabirds"))
 OPENSSL = shutil.which("openssl")
 needs_openssl = pytest.mark.skipif(OPENSSL is None, reason="openssl, the independent reader, is not installed")
 
+OTHERS = ("expert_player", "monitor", "inspector", "dashboard", "drawing", "picture", "player_client")
+"""Enclaves beside those of learners."""
+
 BEGIN = datetime(2026, 1, 1, tzinfo=UTC)
 VALIDITY = Validity(BEGIN, BEGIN + timedelta(days=30))
 
@@ -57,7 +60,7 @@ def key(path: Path) -> ec.EllipticCurvePrivateKey:
 
 def test_the_layout_is_that_of_the_sros2_tools(keystore: Path) -> None:
     files = {str(path.relative_to(keystore)) for path in keystore.rglob("*") if path.is_file()}
-    enclaves = ("learner_1", "learner_2", "learner_3", "expert_player", "monitor", "inspector", "player_client")
+    enclaves = ("learner_1", "learner_2", "learner_3", *OTHERS)
     assert files == {
         *(f"public/{name}_ca.cert.pem" for name in ("identity", "permissions")),
         *(f"private/{name}_ca.key.pem" for name in ("identity", "permissions")),
@@ -68,7 +71,7 @@ def test_the_layout_is_that_of_the_sros2_tools(keystore: Path) -> None:
 
 def test_private_keys_are_for_their_owner_alone(keystore: Path) -> None:
     keys = list(keystore.rglob("*.key.pem")) + list(keystore.rglob("key.pem"))
-    assert len(keys) == 2 + 7
+    assert len(keys) == 2 + 3 + len(OTHERS)
     assert {stat.S_IMODE(file.stat().st_mode) for file in keys} == {0o600}
     assert stat.S_IMODE((keystore / "private").stat().st_mode) == 0o700
 
@@ -133,7 +136,7 @@ def verified(file: Path, authority: Path) -> "subprocess.CompletedProcess[bytes]
 def test_openssl_verifies_the_signatures_and_finds_the_documents(keystore: Path) -> None:
     authority = keystore / "public" / "permissions_ca.cert.pem"
     signed = list(keystore.rglob("*.p7s"))
-    assert len(signed) == 1 + 2 * 7
+    assert len(signed) == 1 + 2 * (3 + len(OTHERS))
     for file in signed:
         plain = file.resolve().with_suffix(".xml").read_bytes()
         done = verified(file, authority)
@@ -199,10 +202,7 @@ def test_create_says_what_it_made(make_experiment: MakeExperiment, tmp_path: Pat
     assert set(content["enclaves"]) == {
         "/learner_1",
         "/learner_2",
-        "/expert_player",
-        "/monitor",
-        "/inspector",
-        "/player_client",
+        *(f"/{name}" for name in OTHERS),
     }
     assert "rt/learner_1/demonstration" in content["enclaves"]["/learner_1"]["subscribe"]
     own = certificate(place / "enclaves" / "learner_1" / "cert.pem")
@@ -210,7 +210,7 @@ def test_create_says_what_it_made(make_experiment: MakeExperiment, tmp_path: Pat
     assert timedelta(days=29) < own.not_valid_after_utc - datetime.now(UTC) <= timedelta(days=30)
     # Fast DDS takes the dates of permissions, which are in UTC, for the local time.
     assert datetime.now(UTC) - own.not_valid_before_utc > timedelta(hours=12)
-    assert "6 enclaves for ROS domain 7" in " ".join(done.stderr.split())
+    assert "9 enclaves for ROS domain 7" in " ".join(done.stderr.split())
     again = security("create", tmp_path / "experiment" / "experiment.yaml", "--keystore", place)
     assert again.returncode == 2
     assert "give --overwrite" in " ".join(again.stderr.split())
@@ -243,4 +243,4 @@ def test_commands_are_those_of_sros2(make_experiment: MakeExperiment) -> None:
         "ros2 security create_enclave 'my keys' /bics",
         "ros2 security create_permission 'my keys' /bics 'my keys/policy.xml'",
     ]
-    assert len(lines) == 2 + 2 * 5
+    assert len(lines) == 2 + 2 * (1 + len(OTHERS))

@@ -16,7 +16,7 @@ from rich.console import Console
 from mabirds_bringup.commands import run as run_command
 from mabirds_bringup.commands.demonstrations import demonstrations_of
 from mabirds_bringup.commands.simulate import simulate_from_bag
-from mabirds_bringup.console import guarded_output, judges_table, print_json
+from mabirds_bringup.console import guarded_output, judges_table, print_json, summary_table
 from mabirds_bringup.evaluate.evaluation import evaluate
 from mabirds_bringup.report.page import write_report
 from mabirds_bringup.run import processes
@@ -157,6 +157,31 @@ def test_verdicts_are_a_table_of_their_own() -> None:
     assert judges_table({"learners": {"ann": {"judges": {}}}}) is None
 
 
+def test_summaries_fit_60_columns_with_all_their_digits() -> None:
+    """Of long runs with long names, too."""
+    row = {
+        "iterations": 2000,
+        "held_out_log_likelihood": -388.12,
+        "learned_constraints": dict.fromkeys("abc"),
+        "false_discovery_rate": 0.125,
+        "undetermined": 136,
+        "judges": {"hexagonal lattice at 0.125 m": VERDICT},
+        **dict.fromkeys(("violation_rate", "success_rate", "success_late_minimum"), 0.0625),
+    }
+    rule = {"experiment": "patrol", "constraint_rule": "counterfactual test", "expert_log_likelihood": -6.2}
+    summary = {**rule, "learners": {"learner_1": row, "learner_of_a_long_name": row}}
+    console = Console(width=60, record=True, file=open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115, PTH123
+    console.print(summary_table(summary))
+    console.print(judges_table(summary))
+    console.file.close()
+    text = console.export_text()
+    assert max(map(len, text.splitlines())) <= 60
+    assert "…" not in text
+    digits = ["2000", "0.0625", "0.0625", "0.0625", "-388.12", "3", "0.125", "136"]
+    assert text.count(" ".join(digits).replace(" 3 ", "     3 ").replace("0.125 136", "0.125  136")) == 2
+    assert text.count("0.1250 0.8750 12.50") == 2
+
+
 def test_the_report_shows_its_numbers(tmp_path: Path) -> None:
     rates = {"violation_rate": 0.002, "success_rate": 0.998, "success_late_minimum": 0.91}
     errors = {"false_discovery_rate": 0.1, "false_positive_rate": 0.237, "false_negative_rate": 0.0, "auc": None}
@@ -193,8 +218,8 @@ def test_the_report_shows_its_numbers(tmp_path: Path) -> None:
         "<td>0.998</td>",
         "<td>-6.43</td>",
         "-6.23",
-        "a wall: 0.987",
-        "4 features undetermined",
+        "<td>a wall</td><td>0.987</td>",
+        "and 4 undetermined",
         "confidence 0.95",
         "of 1000 rollouts",
         "data:image/png;base64,YSBwaWN0dXJl",

@@ -2,8 +2,6 @@
 
 import multiprocessing
 import os
-import shlex
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
@@ -56,8 +54,3 @@ def tell(content: dict[str, Any], directory: Path) -> None:
         verdict = "met   " if target["met"] else "MISSED"
         console.print(f"{verdict} {target['name']}: {target['value']:.4f}", soft_wrap=True)
     console.print(f"report in {directory / 'report.html'}", soft_wrap=True)
-
-
-def command_line() -> str:
-    """The command as it was typed."""
-    return shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])

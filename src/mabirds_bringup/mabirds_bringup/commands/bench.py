@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from mabirds_bringup.bench.command import FIRST_SEED, command_line, results_of, tell
+from mabirds_bringup.bench.command import FIRST_SEED, results_of, tell
 from mabirds_bringup.bench.outcome import run_case
 from mabirds_bringup.bench.study import load_study, packaged_studies
 from mabirds_bringup.commands.bench_behaviour import behaviour
@@ -17,6 +17,7 @@ from mabirds_bringup.commands.bench_start import start
 from mabirds_bringup.commands.bench_theory import theory
 from mabirds_bringup.commands.options import FirstSeed, Jobs, Json, MostIterations, Seeds
 from mabirds_bringup.console import guarded_output, print_json
+from mabirds_bringup.run.run_directory import command_line
 from mabirds_core.errors import ExperimentError
 
 STUDY = "STUDY"

@@ -6,9 +6,10 @@ from typing import Annotated, Any
 
 import typer
 
-from mabirds_bringup.bench.command import command_line, tell
+from mabirds_bringup.bench.command import tell
 from mabirds_bringup.commands.options import FirstSeed, Jobs, Json, ReportDirectory
 from mabirds_bringup.console import guarded_output, print_json, progress_bar
+from mabirds_bringup.run.run_directory import command_line
 from mabirds_core.extras import require
 
 FIRST_SEED = 7101

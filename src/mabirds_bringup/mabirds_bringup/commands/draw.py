@@ -13,6 +13,7 @@ from mabirds_bringup.commands.options import ExperimentFile
 from mabirds_bringup.console import console, ending_as_interrupted, guarded_output
 from mabirds_bringup.watch.spinning import Glances, looking, step_back
 from mabirds_core.experiment.file import load_experiment
+from mabirds_msgs_py.security import SecurityError, is_requested
 
 
 def draw(
@@ -31,6 +32,10 @@ def draw(
     """
     from mabirds_bringup.draw.node import DrawingNode
 
+    if demonstrations and is_requested([]):
+        raise SecurityError(
+            "--demonstrations: with security on, learners alone may hear what they are shown; leave it out"
+        )
     experiment = load_experiment(file)
     step_back()
     create = partial(DrawingNode, experiment, frame, rate, demonstrations=demonstrations)
@@ -58,7 +63,7 @@ def picture(
     from mabirds_bringup.draw.listener import DrawnListener
     from mabirds_bringup.draw.pictures import picture as figure_of
 
-    with guarded_output(), looking(DrawnListener, "/inspector") as (node, executor):
+    with guarded_output(), looking(DrawnListener, "/picture") as (node, executor):
         deadline = time.monotonic() + timeout
         while not node.settled() and time.monotonic() < deadline:
             executor.spin_once(timeout_sec=0.1)

@@ -2,11 +2,9 @@
 
 import time
 from contextlib import closing, suppress
-from functools import partial
 from typing import Annotated, Any
 
 import typer
-from nav_msgs.msg import OccupancyGrid
 from rich.console import Console
 from rich.live import Live
 
@@ -14,9 +12,9 @@ from mabirds_bringup import exit_codes
 from mabirds_bringup.commands import inspect_topics
 from mabirds_bringup.commands.options import Json
 from mabirds_bringup.console import console, ending_as_interrupted, guarded_output, print_json
-from mabirds_bringup.draw import names
 from mabirds_bringup.watch.described import describe, describe_parameters
-from mabirds_bringup.watch.inspector import SEARCH_PERIOD, InspectorNode, WatchedLearner
+from mabirds_bringup.watch.drawn_costs import CostsInspectorNode
+from mabirds_bringup.watch.inspector import InspectorNode, WatchedLearner
 from mabirds_bringup.watch.overview import overview
 from mabirds_bringup.watch.player_view import content as player_content
 from mabirds_bringup.watch.recent import RecentParameters
@@ -25,8 +23,6 @@ from mabirds_core.errors import ExperimentError
 from mabirds_core.texts import sanitize
 from mabirds_learner.learner_session import DEMONSTRATION
 from mabirds_msgs_py.constraints_conversion import constraints_text
-from mabirds_msgs_py.interfaces import type_name
-from mabirds_msgs_py.qos import STATUS_QOS
 
 MAX_LINE = 1000
 """Characters of what is shown of a message."""
@@ -85,30 +81,21 @@ def _follow(top: int, stdout: Any, *, lines: bool) -> None:
 
 
 def _follow_in_a_table(screen: Console) -> None:
-    recent, maps = RecentParameters(), dict[str, Any]()
+    recent = RecentParameters()
 
     def on_message(learner: WatchedLearner, what: str) -> None:
         if what == "parameters":
             recent.note(learner.namespace, learner.parameters)
 
-    with looking(lambda: InspectorNode(on_message), "/inspector") as (node, executor):
-        node.create_timer(SEARCH_PERIOD, partial(_find_maps, node, maps))
+    with looking(lambda: CostsInspectorNode(on_message), "/inspector") as (node, executor):
         glances, shown = Glances(node, executor), 0.0
         with closing(glances), Live(console=screen, auto_refresh=False) as live:
             while True:
                 glances.glance()
                 if time.monotonic() - shown > 0.25:
                     shown = time.monotonic()
-                    heard = {topic: grid for topic, grid in maps.items() if grid is not None}
+                    heard = {topic: grid for topic, grid in node.maps.items() if grid is not None}
                     live.update(overview(node, recent, heard), refresh=True)
-
-
-def _find_maps(node: InspectorNode, maps: dict[str, Any]) -> None:
-    """Listen to costs that somebody draws."""
-    for topic, types in node.get_topic_names_and_types():
-        if f"/{names.DRAWN}/{names.COSTS}/" in topic and type_name(OccupancyGrid) in types and topic not in maps:
-            maps[topic] = None
-            node.create_subscription(OccupancyGrid, topic, partial(maps.__setitem__, topic), STATUS_QOS)
 
 
 def _follow_by_lines(top: int, stdout: Any) -> None:

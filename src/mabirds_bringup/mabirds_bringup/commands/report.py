@@ -10,7 +10,7 @@ from mabirds_bringup import exit_codes
 from mabirds_bringup.commands.demonstrations import demonstrations_at_hand, digest_at_hand
 from mabirds_bringup.commands.options import Json
 from mabirds_bringup.console import console, guarded_output, print_json
-from mabirds_bringup.evaluate.results import audit, write_results, write_unevaluated, write_unjudged
+from mabirds_bringup.evaluate.results import delivery_of, write_results, write_unevaluated, write_unjudged
 from mabirds_bringup.run.certificate import certify, contradictions
 from mabirds_bringup.run.stored_run import StoredRun, load_run
 
@@ -36,7 +36,8 @@ def report(
     with guarded_output() as stdout:
         stored = load_run(directory.resolve())
         before = stored.summary()
-        content = report_on(stored, before.get("wall_seconds", 0.0), before.get("departed", ()))
+        residual = before.get("delivered_graph", {}).get("mass_residual")
+        content = report_on(stored, before.get("wall_seconds", 0.0), before.get("departed", ()), residual)
         if as_json:
             print_json(content, stdout)
     return exit_codes.FINISHED if content["complete"] else exit_codes.INCOMPLETE
@@ -58,13 +59,14 @@ def report_on(
     stored: StoredRun,
     seconds: float,
     departed: Collection[str] = (),
-    delivered: dict[str, Any] | None = None,
+    mass_residual: float | None = None,
     *,
     evaluation: bool = True,
 ) -> dict[str, Any]:
     """Judge what is known of a run up to the first gap, if something is of every learner.
 
-    ``seconds``: it took. ``delivered``: its audit, if at hand. Without ``evaluation`` it is only said what is known.
+    ``seconds``: it took. ``mass_residual``: of resilient mode, if at hand. Without ``evaluation`` it is only
+    said what is known.
     """
     with stored.open_history() as kept:
         certificate, history = certify(stored, kept, departed), kept.without_gap()
@@ -72,13 +74,11 @@ def report_on(
     if unknown := [name for name, parameters in history.items() if not parameters]:
         why = f"nothing is known of iteration 1 of {', '.join(unknown)}"
         return write_unjudged(stored.directory, certificate, why)
-    if delivered is None and graph is not None:
-        rounds = stored.experiment.iterations + stored.experiment.closing_rounds
-        delivered = audit(stored.experiment.edge_schedule, graph, rounds)
+    delivery = None if graph is None else delivery_of(stored.experiment, graph, mass_residual)
     if not evaluation:
-        return write_unevaluated(stored.directory, certificate, seconds, delivered)
+        return write_unevaluated(stored.directory, certificate, seconds, delivery)
     demonstrations = demonstrations_at_hand(stored.experiment, stored.plan.bags)
-    return write_results(stored.experiment, history, demonstrations, stored.directory, seconds, certificate, delivered)
+    return write_results(stored.experiment, history, demonstrations, stored.directory, seconds, certificate, delivery)
 
 
 def check(directory: RunDirectory, as_json: Json = False) -> int:

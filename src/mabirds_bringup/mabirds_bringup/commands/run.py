@@ -16,10 +16,10 @@ from mabirds_bringup.commands.options import CentralMethodName, Evaluation, Json
 from mabirds_bringup.commands.player_options import LESS_THAN_ALL, takes_player_options
 from mabirds_bringup.commands.report import report_on
 from mabirds_bringup.console import console, ending_as_interrupted, guarded_output, print_json
-from mabirds_bringup.evaluate.results import audit, write_unjudged
+from mabirds_bringup.evaluate.results import write_unjudged
 from mabirds_bringup.run import run_directory
 from mabirds_bringup.run.certificate import certify
-from mabirds_bringup.run.network import HostMovedError, Network, NetworkResult
+from mabirds_bringup.run.network import HostMovedError, Network
 from mabirds_bringup.run.processes import PLAYER
 from mabirds_bringup.run.size import shown_size
 from mabirds_bringup.run.stored_run import NETWORK, RunPlan, StoredRun, begin, find_run, load_run, locked
@@ -168,23 +168,12 @@ def _run(stored: StoredRun, player: Mapping[str, object], restarts: int, *, eval
     try:
         with _Display(experiment, network) as display:
             result = network.run(display.update)
-        seconds, delivered = time.monotonic() - start, _audited(stored, result)
-        return report_on(stored, seconds, result.departed, delivered, evaluation=evaluation)
+        seconds = time.monotonic() - start
+        return report_on(stored, seconds, result.departed, result.mass_residual, evaluation=evaluation)
     except (KeyboardInterrupt, MabirdsError, OSError) as error:
         with stored.open_history() as kept:
             write_unjudged(stored.directory, certify(stored, kept), str(error) or "interrupted")
         raise
-
-
-def _audited(stored: StoredRun, result: NetworkResult) -> dict[str, Any] | None:
-    """The delivered graph; None of a central method."""
-    if stored.plan.method:
-        return None
-    experiment = stored.experiment
-    delivered = audit(experiment.edge_schedule, result.delivered, experiment.iterations + experiment.closing_rounds)
-    if result.mass_residual is not None:
-        delivered |= {"late": len(delivered.pop("edge_mismatches")), "mass_residual": result.mass_residual}
-    return delivered
 
 
 class _Display:

@@ -6,9 +6,10 @@ import time
 from collections import defaultdict, deque
 from contextlib import closing, suppress
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 from mabirds_msgs.msg import PlayerStatus
+from rclpy.client import Client
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
 from mabirds_bringup.draw.imagined import Imagination
@@ -33,6 +34,9 @@ POINTS = 2000
 
 PATHS = 3
 """Imagined trajectories that are shown."""
+
+Control = Literal["toggle_paused", "play_next", "set_rate"]
+"""Services of the player that a page calls."""
 
 NATS = "held_out_log_likelihood"
 
@@ -60,20 +64,24 @@ class Snapshot:
 
 
 class Board:
-    """Listens to an experiment's network; ``snapshot`` is the newest, ``ask`` calls a service of the player."""
+    """Listens to an experiment's network; ``snapshot`` is the newest, ``ask`` calls a service of the player.
 
-    def __init__(self, experiment: Experiment) -> None:
+    ``node_options``: as of ``rclpy.node.Node``.
+    """
+
+    def __init__(self, experiment: Experiment, **node_options: Any) -> None:
         self.experiment, self.game = experiment, build_game(experiment)
         self.scene: Scene | None = scene_of(self.game)
         self.snapshot, self.answer = Snapshot(), ""
-        self._recent, self._requests = RecentParameters(), queue.Queue[tuple[str, dict[str, Any]]]()
+        self._recent, self._requests = RecentParameters(), queue.Queue[tuple[Control, dict[str, Any]]]()
         self._curves: defaultdict[str, defaultdict[str, deque[tuple[int, float]]]] = defaultdict(
             lambda: defaultdict(lambda: deque(maxlen=POINTS))
         )
         self._imaginations: dict[str, Imagination] = {}
         self._paths: dict[str, Array] = {}
-        self._node = InspectorNode(self._on_message)
-        self._executor = SingleThreadedExecutor()
+        self._node = InspectorNode(self._on_message, name="dashboard", **node_options)
+        self._clients: dict[str, Client] = {}
+        self._executor = SingleThreadedExecutor(context=self._node.context)
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
 
@@ -88,7 +96,7 @@ class Board:
         self._executor.shutdown()
         self._node.destroy_node()
 
-    def ask(self, service: str, **fields: Any) -> None:
+    def ask(self, service: Control, **fields: Any) -> None:
         """Have a service of the player called; what it does is seen in its status."""
         self._requests.put((service, fields))
 
@@ -110,13 +118,15 @@ class Board:
             if player is None:
                 self.answer = "no player is heard"
                 continue
-            place = player.rpartition("/")[0]
-            known = dict(self._node.get_service_names_and_types()).get(f"{place}/{service}", [])
+            place = f"{player.rpartition('/')[0]}/{service}"
+            known = dict(self._node.get_service_names_and_types()).get(place, [])
             if not known:
-                self.answer = f"{place} does not serve {service}"
+                self.answer = f"nobody serves {place}"
                 continue
             kind = service_type(service, known[0].partition("/")[0])
-            self._node.create_client(kind, f"{place}/{service}").call_async(kind.Request(**fields))
+            if place not in self._clients:
+                self._clients[place] = self._node.create_client(kind, place)
+            self._clients[place].call_async(kind.Request(**fields))
 
     def _on_message(self, learner: WatchedLearner, what: str) -> None:
         if what == "parameters" and learner.parameters is not None:

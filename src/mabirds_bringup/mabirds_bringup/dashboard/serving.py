@@ -29,7 +29,7 @@ def serve(experiment: Experiment, host: str, port: int, key: str) -> None:
     """
     step_back()
     os.environ.setdefault("ROS_SUPER_CLIENT", "TRUE")  # as of `mabirds inspect`
-    start_ros(["--ros-args", *enclave_arguments("/inspector")], signal_handler_options=SignalHandlerOptions.NO)
+    start_ros(["--ros-args", *enclave_arguments("/dashboard")], signal_handler_options=SignalHandlerOptions.NO)
     try:
         board = Board(experiment)
         board.start()

@@ -15,6 +15,7 @@ from matplotlib.patches import Circle, Rectangle
 from nav_msgs.msg import OccupancyGrid, Path
 from visualization_msgs.msg import Marker, MarkerArray
 
+from mabirds_bringup.draw import names
 from mabirds_bringup.draw.colours import css
 from mabirds_core.arrays import Array
 from mabirds_core.texts import sanitize
@@ -48,35 +49,37 @@ def picture(drawn: Mapping[str, Any]) -> Figure:
     return figure
 
 
-def _panels(drawn: Mapping[str, Any]) -> Iterator[tuple[str, list[Any]]]:
-    """Topics with a panel of their own, and what is drawn in it, from the bottom up."""
+def _panels(drawn: Mapping[str, Any]) -> Iterator[tuple[str, list[tuple[str, Any]]]]:
+    """Topics with a panel of their own, and what is drawn in it with its topic, from the bottom up."""
     of_kind = {kind: {t: m for t, m in sorted(drawn.items()) if isinstance(m, kind)} for kind in (OccupancyGrid, Path)}
     for topic, grid in of_kind[OccupancyGrid].items():
         namespace, last = topic.partition("/drawn/")[0], topic.rpartition("/")[2]
-        paths = [m for t, m in of_kind[Path].items() if t.startswith(f"{namespace}/") and t.endswith(f"/{last}")]
-        yield topic, [grid, *paths]
+        paths = [(t, m) for t, m in of_kind[Path].items() if t.startswith(f"{namespace}/") and t.endswith(f"/{last}")]
+        yield topic, [(topic, grid), *paths]
     for topic, message in sorted(drawn.items()):
         if isinstance(message, MarkerArray):
-            ground = [grid for t, grid in of_kind[OccupancyGrid].items() if _beside(t, topic)][:1]
-            yield topic, [*ground, message]
+            ground = [(t, grid) for t, grid in of_kind[OccupancyGrid].items() if _beside(t, topic)][:1]
+            yield topic, [*ground, (topic, message)]
 
 
 def _beside(grid: str, markers: str) -> bool:
     return grid.partition("/drawn/")[0] == markers.partition("/drawn/")[0]
 
 
-def _draw_panel(axis: Axes, topic: str, layers: list[Any]) -> None:
-    for layer in layers:
+def _draw_panel(axis: Axes, topic: str, layers: list[tuple[str, Any]]) -> None:
+    for of, layer in layers:
         if isinstance(layer, OccupancyGrid):
-            _draw_grid(axis, layer, faint=any(isinstance(other, MarkerArray) for other in layers))
+            _draw_grid(axis, layer, faint=any(isinstance(other, MarkerArray) for _, other in layers))
         elif isinstance(layer, Path):
-            _draw_path(axis, layer)
+            _draw_path(axis, layer, of.rpartition("/")[0].rpartition("/")[2])
         else:
             for each in layer.markers:
                 _draw_marker(axis, each)
     axis.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
     axis.set_title(sanitize(topic), fontsize=8)
     _make_square(axis)
+    if axis.get_legend_handles_labels()[0]:
+        axis.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2, frameon=False)
 
 
 def _make_square(axis: Axes) -> None:
@@ -96,10 +99,12 @@ def _draw_grid(axis: Axes, grid: OccupancyGrid, *, faint: bool) -> None:
     axis.imshow(cells, origin="lower", extent=extent, cmap="Greys", vmin=0, vmax=100, alpha=0.35 if faint else 1.0)
 
 
-def _draw_path(axis: Axes, path: Path) -> None:
+def _draw_path(axis: Axes, path: Path, kind: str) -> None:
+    """A line from a dot on; ``kind``: imagined or demonstrated."""
     places = np.array([(pose.pose.position.x, pose.pose.position.y) for pose in path.poses]).reshape(-1, 2)
-    axis.plot(*places.T, color="tab:red", linewidth=1.6)
-    axis.plot(*places[:1].T, "o", color="tab:red", markersize=5)
+    colour = "tab:blue" if kind == names.DEMONSTRATED else "tab:red"
+    axis.plot(*places.T, color=colour, linewidth=1.6, label=sanitize(kind))
+    axis.plot(*places[:1].T, "o", color=colour, markersize=5)
 
 
 def _draw_marker(axis: Axes, marker: Marker) -> None:

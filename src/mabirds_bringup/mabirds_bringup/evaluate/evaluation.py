@@ -93,6 +93,7 @@ def evaluate(
     demonstrations: Streams,
     on_row: Callable[[LearnerMetrics], None] = lambda _: None,
     judged: Sequence[LearnerMetrics] = (),
+    on_step: Callable[[], None] = lambda: None,
 ) -> Evaluation:
     """Judge theta(n), omega(n) of all learners by the game's judge.
 
@@ -108,6 +109,8 @@ def evaluate(
         Called with each iteration that was judged.
     judged : Sequence
         What is known of an evaluation of the same run that was interrupted.
+    on_step : Callable
+        Called as often as ``step_count`` says.
 
     Returns
     -------
@@ -129,20 +132,43 @@ def evaluate(
                 row = LearnerMetrics(name, iteration, violation, success, likelihood, certificate)
             rows.append(row)
             on_row(row)
+            on_step()
     together = list(zip(*history.values(), strict=False))
     final = {name: parameters[-1] for name, parameters in history.items()}
     policies = {name: evaluation_policy(experiment, name, game)(last) for name, last in final.items()}
+    constraints = {}
+    for name, last in final.items():
+        constraints[name] = learned_constraints(experiment, name, last, demonstrations, game)
+        on_step()
     return Evaluation(
         rows,
         [consensus_distance([learner.theta for learner in learners]) for learners in together],
         [consensus_distance([learner.omega for learner in learners]) for learners in together],
         game.judge.distance([*policies.values()], experiment.seed),
-        {name: learned_constraints(experiment, name, last, demonstrations, game) for name, last in final.items()},
+        constraints,
         held_out.log_likelihood(game, held_out.experts),
         {name: distance_to_experts(experiment, game, policy, held_out) for name, policy in policies.items()},
         held_out.fixed_log_likelihoods(game, next(iter(policies.values()))),
-        verdicts(experiment, game, final),
+        verdicts(experiment, game, final, on_step),
     )
+
+
+def step_count(game: Game, history: History) -> int:
+    """Steps of an evaluation: each iteration that is judged, each learner's constraints, and other planners' verdicts.
+
+    Parameters
+    ----------
+    game : Game
+        That was learned.
+    history : History
+        As of ``evaluate``.
+
+    Returns
+    -------
+    int
+        How often ``on_step`` is called.
+    """
+    return sum(len(game.judge.eval_iterations(len(parameters))) + 2 for parameters in history.values())
 
 
 def distance_to_experts(experiment: Experiment, game: Game, policy: Any, held_out: HeldOut) -> float | None:

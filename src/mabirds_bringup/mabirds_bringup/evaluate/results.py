@@ -2,11 +2,12 @@
 
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from mabirds_bringup.console import console, judges_table, progress_bar, summary_table
-from mabirds_bringup.evaluate.evaluation import LearnerMetrics, evaluate, summary
+from mabirds_bringup.evaluate.evaluation import LearnerMetrics, evaluate, step_count, summary
 from mabirds_bringup.report.page import write_report
+from mabirds_bringup.report.said import said
 from mabirds_bringup.run import run_directory
 from mabirds_bringup.run.certificate import Certificate
 from mabirds_core.consensus.assumptions import validate
@@ -32,6 +33,32 @@ def audit(schedule: EdgeSchedule, delivered: DeliveredEdges, iterations: int) ->
     return {"iterations": len(delivered), "edge_mismatches": mismatches, "connectivity_window": window}
 
 
+class Delivery(NamedTuple):
+    """The graph as it was delivered.
+
+    Attributes
+    ----------
+    edges : DeliveredEdges
+        Whose parameters each learner mixed, by iteration.
+    audit : dict[str, Any]
+        What ``audit`` says of it.
+    """
+
+    edges: DeliveredEdges
+    audit: dict[str, Any]
+
+
+def delivery_of(experiment: Experiment, edges: DeliveredEdges, mass_residual: float | None = None) -> Delivery:
+    """Audit a network's graph; what differs from the schedule in resilient mode came late.
+
+    ``mass_residual``: of resilient mode, where it is known.
+    """
+    found = audit(experiment.edge_schedule, edges, experiment.iterations + experiment.closing_rounds)
+    if experiment.mixing.declares_members:
+        found |= {"late": len(found.pop("edge_mismatches"))}
+    return Delivery(edges, found if mass_residual is None else found | {"mass_residual": mass_residual})
+
+
 def write_results(
     experiment: Experiment,
     history: History,
@@ -39,53 +66,51 @@ def write_results(
     directory: Path,
     seconds: float,
     certificate: Certificate,
-    delivered: dict[str, Any] | None = None,
+    delivery: Delivery | None = None,
 ) -> dict[str, Any]:
     """Evaluate ``history``, write metrics.csv, figures, reports and summary.json; show and return the summary.
 
-    ``demonstrations``: each learner's. ``certificate``: what the history is worth. ``delivered``: the ``audit`` of a
-    network's run. Where it is interrupted, what was judged is kept for the next time.
+    ``demonstrations``: each learner's. ``certificate``: what the history is worth. ``delivery``: of a network's
+    run. Where it is interrupted, what was judged is kept for the next time.
     """
-    from mabirds_bringup.report.figures import save_figures  # matplotlib takes a second to load
+    from mabirds_bringup.report.figures import save_delivery, save_figures  # matplotlib takes a second to load
 
-    judge = build_game(experiment).judge
-    total = sum(len(judge.eval_iterations(len(parameters))) for parameters in history.values())
+    total = step_count(build_game(experiment), history)
     rows: list[LearnerMetrics] = []
     try:
         with progress_bar() as bar:
-            task = bar.add_task("evaluating", total=total)
-
-            def on_row(row: LearnerMetrics) -> None:
-                rows.append(row)
-                bar.advance(task)
-
-            evaluation = evaluate(experiment, history, demonstrations, on_row, run_directory.read_judged(directory))
+            task, judged = bar.add_task("evaluating", total=total), run_directory.read_judged(directory)
+            evaluation = evaluate(experiment, history, demonstrations, rows.append, judged, lambda: bar.advance(task))
     except KeyboardInterrupt:
         run_directory.write_judged(directory, rows)
         raise
     content = {**certificate.content, **summary(experiment, evaluation, seconds)}
-    if delivered is not None:
-        content["delivered_graph"] = delivered
+    if delivery is not None:
+        content["delivered_graph"] = delivery.audit
     run_directory.write_metrics(directory, evaluation)
-    write_report(directory, content, save_figures(experiment, history, evaluation, directory))
+    told = said(directory, history)
+    figures = save_figures(experiment, history, evaluation, directory)
+    if delivery is not None:
+        figures |= save_delivery(experiment, delivery.edges, told, directory)
+    write_report(directory, content, figures, told)
     run_directory.write_json(directory / "summary.json", content)
     console.print(summary_table(content))
     if (judges := judges_table(content)) is not None:
         console.print(judges)
     show_missing(content, directory)
-    for mismatch in (delivered or {}).get("edge_mismatches", ()):
+    for mismatch in delivery.audit.get("edge_mismatches", ()) if delivery else ():
         console.print(f"the delivered graph differs: {mismatch}", style="red", soft_wrap=True)
     console.print(f"results in {directory}; open {directory / 'report.html'}")
     return content
 
 
 def write_unevaluated(
-    directory: Path, certificate: Certificate, seconds: float, delivered: dict[str, Any] | None = None
+    directory: Path, certificate: Certificate, seconds: float, delivery: Delivery | None = None
 ) -> dict[str, Any]:
     """Write, show and return the summary of a run that is to be judged later: whether it is whole."""
     content = {**certificate.content, "wall_seconds": seconds}
-    if delivered is not None:
-        content["delivered_graph"] = delivered
+    if delivery is not None:
+        content["delivered_graph"] = delivery.audit
     run_directory.write_json(directory / "summary.json", content)
     show_missing(content, directory)
     console.print(f"learned, not evaluated; `mabirds report {directory}` does it", soft_wrap=True)

@@ -1,6 +1,6 @@
 """What theta and omega mean to planners that took no part in learning them."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from mabirds_core.algorithm.parameters import Parameters
@@ -32,7 +32,9 @@ Verdicts = Mapping[str, Verdict]
 """By the name of the planner; empty where the game has none, or the method no model of rewards."""
 
 
-def verdicts(experiment: Experiment, game: Game, final: Mapping[str, Parameters]) -> dict[str, Verdicts]:
+def verdicts(
+    experiment: Experiment, game: Game, final: Mapping[str, Parameters], on_step: Callable[[], None] = lambda: None
+) -> dict[str, Verdicts]:
     """Judge by all planners that the game has for it.
 
     Parameters
@@ -43,6 +45,8 @@ def verdicts(experiment: Experiment, game: Game, final: Mapping[str, Parameters]
         Of the experiment.
     final : Mapping[str, Parameters]
         theta and omega by learner or method.
+    on_step : Callable, optional
+        Called after each of them.
 
     Returns
     -------
@@ -56,6 +60,7 @@ def verdicts(experiment: Experiment, game: Game, final: Mapping[str, Parameters]
         if numbers not in found:
             found[numbers] = _verdicts(experiment, game, name, parameters)
         result[name] = found[numbers]
+        on_step()
     return result
 
 

@@ -12,13 +12,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mabirds_bringup.evaluate.evaluation import Evaluation
+from mabirds_bringup.report.delivery_figure import delivery, delivery_figure
+from mabirds_bringup.report.said import Said
 from mabirds_bringup.report.schedule_figure import schedule_figure
+from mabirds_core.consensus.schedule import DeliveredEdges
 from mabirds_core.experiment.assembly import build_game, evaluation_policy
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History
 from mabirds_core.games.whole_game import Learned
 
 DOTS_PER_INCH = 110
+
+DELIVERED = "delivered.png"
 
 MANY = 60
 """Judged points beyond which markers would hide the line."""
@@ -42,6 +47,15 @@ def save_figures(experiment: Experiment, history: History, evaluation: Evaluatio
         figure.savefig(directory / name, dpi=DOTS_PER_INCH, bbox_inches="tight")
         plt.close(figure)
     return {name: words for name, (_, words) in figures.items()}
+
+
+def save_delivery(experiment: Experiment, edges: DeliveredEdges, told: Said, directory: Path) -> dict[str, str]:
+    """Write delivered.png; returns its name with what it shows."""
+    rounds = experiment.iterations + experiment.closing_rounds
+    figure = delivery_figure(*delivery(experiment.edge_schedule, edges, told.waits, rounds))
+    figure.savefig(directory / DELIVERED, dpi=DOTS_PER_INCH, bbox_inches="tight")
+    plt.close(figure)
+    return {DELIVERED: "Who really heard whom: what became of each exchange of parameters, by iteration."}
 
 
 def learned_by(experiment: Experiment, history: History, evaluation: Evaluation) -> dict[str, Learned]:

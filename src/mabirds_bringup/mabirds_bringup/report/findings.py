@@ -35,8 +35,8 @@ def _behaviour(summary: Mapping[str, Any], rows: list[Mapping[str, Any]]) -> Ite
     nats = [row["held_out_log_likelihood"] for row in rows if row["held_out_log_likelihood"] is not None]
     if nats and summary["expert_log_likelihood"] is not None:
         yield (
-            f"A demonstration that nobody learned from has {_span(nats, '.2f')} nats by what was learned, and"
-            f" {summary['expert_log_likelihood']:.2f} by the experts themselves."
+            f"Demonstrations that nobody learned from are predicted with {_span(nats, '.2f')} nats (log likelihood of"
+            f" one; nearer 0 is better); by those who know the experts, with {summary['expert_log_likelihood']:.2f}."
         )
 
 
@@ -61,12 +61,12 @@ def _constraints(rows: list[Mapping[str, Any]]) -> Iterator[str]:
             _span([100 * row[rate] for row in rows], ".1f") for rate in ("false_discovery_rate", "false_negative_rate")
         )
         yield (
-            f"{counts} constraints were found; {wrong} % of them are none in truth, and {unseen} % of the true ones"
-            " were not found."
+            f"{counts} constraints were found, of which {wrong} % are wrong. {unseen} % of the true ones were not"
+            " found: of things that experts would never come near anyway, demonstrations do not tell."
         )
     if any(row["undetermined"] for row in rows):
         undetermined = _span([row["undetermined"] or 0 for row in rows], "d")
-        yield f"Of {undetermined} features the demonstrations cannot tell whether they are forbidden."
+        yield f"Of {undetermined} features the demonstrations cannot tell whether they are allowed or forbidden."
 
 
 def _agreement(summary: Mapping[str, Any], count: int) -> Iterator[str]:

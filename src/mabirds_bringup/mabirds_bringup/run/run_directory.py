@@ -32,6 +32,7 @@ CONTENTS = {
     "map.png": "what each learner takes for forbidden, and how it would act",
     "curves.png": "rates and consensus distances against demonstrations",
     "schedule.png": "who was to hear whom, slot by slot",
+    "delivered.png": "who really heard whom, iteration by iteration; of a network's run",
     "parameters": "theta and omega of every learner and iteration, and whose it mixed",
     "checkpoints": "of every learner; they hold demonstrations",
     "bag": "parameters, status and schedule of every learner; no demonstrations, which stay where they belong",
@@ -68,6 +69,12 @@ def make_latest(directory: Path) -> None:
     temporary.replace(link)
 
 
+def command_line() -> str:
+    """The command as it was typed, be it ``mabirds`` or ``python -m mabirds_bringup``."""
+    name = Path(sys.argv[0]).name
+    return shlex.join(["mabirds" if name == "__main__.py" else name, *sys.argv[1:]])
+
+
 def write_manifest(
     directory: Path, experiment: Experiment, file: Path, mode: str, bag_digest: str | None, more: Mapping[str, Any]
 ) -> None:
@@ -91,7 +98,7 @@ def write_manifest(
             "commit": _commit(file.resolve().parent),
             "versions": {"python": platform.python_version(), **{name: _version(name) for name in PACKAGES}},
             "machine": {"system": platform.platform(), "cores": os.cpu_count()},
-            "command": shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]]),
+            "command": command_line(),
             "started": datetime.now(UTC).isoformat(timespec="seconds"),
         },
     )

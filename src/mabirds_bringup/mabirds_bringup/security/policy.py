@@ -1,17 +1,22 @@
 """Who may say and hear what, one process each: an experiment's access-control policy in SROS2's format.
 
 A learner's rights follow from the edge schedule: it hears its scheduled in-neighbours and nobody else. What every
-process needs to be a ROS node stands in NODE_TOPICS and NODE_SERVICES.
+process needs to be a ROS node stands in NODE_TOPICS and NODE_SERVICES. Names are exact, but for ``drawn/*`` of a
+learner, where drawings alone publish: which numbers a status has is known once it is heard.
 """
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import get_args
 from xml.etree import ElementTree as ET
 
 from rclpy.exceptions import InvalidNamespaceException
 from rclpy.validate_namespace import validate_namespace
 
+from mabirds_bringup.dashboard.board import Control
+from mabirds_bringup.draw import names as drawn
+from mabirds_bringup.watch.recent import Consensus
 from mabirds_core.experiment.file import Experiment
 from mabirds_msgs_py import player_services, topics
 from mabirds_msgs_py.security import SecurityError
@@ -133,11 +138,25 @@ class Policy:
         heard = [self._of(PLAYER, player_services.STATUS)]
         watched = [*self._watched(), *heard]
         yield _access("/", "monitor", publish=declared, subscribe=[*watched, *declared], request=missed)
-        yield _access("/", "inspector", subscribe=watched)
+        yield _access("/", "inspector", subscribe=[*watched, *self._drawn(drawn.COSTS)])
+        yield from self._showing(watched)
         yield _access(self.fleet, "player_client", subscribe=heard, request=called)
         if self._has_members:
             heard = self._each(self._learning, topics.STATUS)
             yield _access(self.fleet, "declarer", publish=declared, subscribe=heard)
+
+    def _showing(self, watched: list[str]) -> Iterator[Access]:
+        """The page, drawings, and who makes pictures of them."""
+        controls = [self._of(PLAYER, service) for service in get_args(Control)]
+        yield _access("/", "dashboard", subscribe=watched, request=controls)
+        scene, network, consensus = (f"/{drawn.DRAWN}/{name}" for name in (drawn.SCENE, drawn.NETWORK, drawn.CONSENSUS))
+        numbers = [f"{consensus}/{part}" for part in Consensus._fields if len(self._learning) > 1]
+        yield _access("/", "drawing", publish=[scene, network, *numbers, *self._drawn()], subscribe=watched)
+        yield _access("/", "picture", subscribe=[scene, network, *self._drawn()])
+
+    def _drawn(self, *kind: str) -> list[str]:
+        """All that is drawn of learners, or all of a kind."""
+        return [drawn.of_learner(self._of(name), *kind, "*") for name in self._learning]
 
     @property
     def _has_members(self) -> bool:

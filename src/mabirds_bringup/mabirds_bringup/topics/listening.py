@@ -2,10 +2,12 @@
 
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from mabirds_msgs.msg import FeatureNames
 from mabirds_msgs.msg import Parameters as ParametersMessage
+from rclpy._rclpy_pybind11 import RCLError
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -29,6 +31,25 @@ class NothingHeardError(InspectionError):
     """There is nobody, or nothing came."""
 
     exit_code = exit_codes.NOBODY_THERE
+
+
+@contextmanager
+def allowed(what: str) -> Iterator[None]:
+    """Say in words that the middleware refuses to listen or to call.
+
+    Raises
+    ------
+    InspectionError
+        It does.
+    """
+    try:
+        yield
+    except RCLError as error:
+        words = " ".join(str(error).split())
+        raise InspectionError(
+            f"{what}: the middleware refuses it ({truncate(words)}); with security on, the permissions of /inspector"
+            " say what it may hear, and nothing that it may call"
+        ) from None
 
 
 class Listening:
@@ -92,7 +113,8 @@ class Listening:
     def subscribe(self, topic: str, receive: Callable[[Any], None], *, raw: bool = False) -> QoSProfile:
         """Listen; ``raw``: to bytes."""
         kind, qos = message_type(self.type_of(topic)), self.qos_of(topic)
-        self._node.create_subscription(kind, topic, receive, qos, raw=raw)
+        with allowed(f"topic {truncate(topic)}"):
+            self._node.create_subscription(kind, topic, receive, qos, raw=raw)
         return qos
 
     def messages(self, topic: str) -> Iterator[Any]:
@@ -131,6 +153,6 @@ class Listening:
         return read_feature_names(heard[0]) if heard else ParameterNames((), ())
 
 
-def listener_node() -> NetworkNode:
-    """A node that says nothing of its own."""
-    return NetworkNode("inspector")
+def listener_node(**node_options: Any) -> NetworkNode:
+    """A node that says nothing of its own; options as of ``rclpy.node.Node``."""
+    return NetworkNode("inspector", **node_options)

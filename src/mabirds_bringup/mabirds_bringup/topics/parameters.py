@@ -8,7 +8,7 @@ from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 
-from mabirds_bringup.topics.listening import Listening, NothingHeardError
+from mabirds_bringup.topics.listening import Listening, NothingHeardError, allowed
 from mabirds_bringup.topics.plain import InspectionError, fill, message_type, plain
 
 
@@ -34,7 +34,8 @@ class Services:
         NothingHeardError
             Nobody answers.
         """
-        client = self._node.create_client(kind, service)
+        with allowed(f"service {service}"):
+            client = self._node.create_client(kind, service)
         if not self._listening.spin_until(client.service_is_ready):
             raise NothingHeardError(f"service {service}: nobody serves it; look at `mabirds inspect list --services`")
         future = client.call_async(request)

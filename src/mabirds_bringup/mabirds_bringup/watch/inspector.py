@@ -29,8 +29,10 @@ BURST, SILENCE = 0.5, 2.0
 NEWEST = 4
 """Iterations of parameters that wait to be looked at: of two learners some are the same."""
 
-RATED = 50
-"""Newest statuses of which the rate is told."""
+RATED, RATED_FOR = 500, 1.0
+"""Newest statuses of which the rate is told, and seconds that they must cover: two that happen to come together say
+nothing.
+"""
 
 READABLE: dict[type, Callable[[Any], object]] = {
     LearnerStatus: lambda _: None,
@@ -86,11 +88,11 @@ class WatchedLearner:
 
     @property
     def rate(self) -> float | None:
-        """Iterations per second, of the newest statuses; None before there are two."""
+        """Iterations per second, of the newest statuses; None before they cover RATED_FOR seconds."""
         if len(self.progress) < 2:
             return None
         (begun, first), (ended, last) = self.progress[0], self.progress[-1]
-        return (last - first) / (ended - begun) if ended > begun else None
+        return (last - first) / (ended - begun) if ended - begun >= RATED_FOR else None
 
     @property
     def names(self) -> ParameterNames:

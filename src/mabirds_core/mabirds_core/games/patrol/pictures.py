@@ -129,7 +129,7 @@ def map_figure(game: PatrolGame, learned: Mapping[str, Learned]) -> Figure:
             axis.set_title(f"{name}: expert {expert + 1}", fontsize=9)
         column[-1].set_xlabel(_joint_constraints(game, constrained) + _named_costs(game, omega), fontsize=7)
     truth = "\nnobody knows the truth" if game.true_constraints is None else ";\ntrue obstacles (grey)"
-    figure.suptitle(f"policy (blue), constraints (red) as learned{truth}", fontsize=10)
+    figure.suptitle(f"policy (blue), constraints (red) as learned{truth}; S starts, G goals", fontsize=10)
     return figure
 
 
