@@ -56,6 +56,9 @@ VERBS = {
         " why.",
         "import_recordings",
     ),
+    "tune": Verb(
+        "tune", "Choose settings, and when to stop, by cross-validation on the demonstrations that learners have."
+    ),
     "inspect": Verb(
         "inspect",
         "Show the learners and players of this ROS domain.",

@@ -1,6 +1,8 @@
 """``mabirds import``: what robots and people did becomes demonstrations; what is doubtful is told by its name."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -83,6 +85,17 @@ def test_the_command_makes_a_bag_and_an_experiment_that_can_be_learned(
             assert len(list(reader.trajectories("learner_1"))) == count
     assert (tmp_path / "mine" / "import.png").stat().st_size > 10_000
     assert "residual" in (tmp_path / "mine" / "import.md").read_text().lower()
+
+
+def test_the_recording_to_try_has_what_its_document_says(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    tool = Path(__file__).resolve().parents[3] / "tools" / "two_robots.py"
+    subprocess.run([sys.executable, str(tool), str(tmp_path)], check=True, timeout=120)
+    words = ["import", tmp_path / "recording", "--rules", tmp_path / "rules.yaml", "--out", tmp_path / "mine"]
+    get_command(app)([*map(str, words), "--dry-run", "--json"], standalone_mode=False)
+    told = json.loads(capfd.readouterr().out)
+    assert (told["demonstrations"], told["held_out"]) == ({"learner_1": 8, "learner_2": 8}, 7)
+    gaps = [count for what, count in told["findings"].items() if "/robot_2/odom: gap of more than 1 s" in what]
+    assert gaps == [1]
 
 
 @pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])

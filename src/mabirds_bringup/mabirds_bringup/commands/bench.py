@@ -12,6 +12,7 @@ from mabirds_bringup.bench.study import load_study, packaged_studies
 from mabirds_bringup.commands.bench_behaviour import behaviour
 from mabirds_bringup.commands.bench_exchange import exchange
 from mabirds_bringup.commands.bench_online import online
+from mabirds_bringup.commands.bench_pedestrians import pedestrians
 from mabirds_bringup.commands.bench_solve import solve
 from mabirds_bringup.commands.bench_start import start
 from mabirds_bringup.commands.bench_theory import theory
@@ -90,3 +91,4 @@ bench_app.command()(exchange)
 bench_app.command()(start)
 bench_app.command()(online)
 bench_app.command()(theory)
+bench_app.command()(pedestrians)

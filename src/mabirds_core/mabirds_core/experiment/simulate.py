@@ -86,11 +86,47 @@ def simulate(
     """
     _require_streams(experiment, demonstrations)
     game = build_game(experiment)
-    parts: dict[str, _Part] = {}
-    for name in experiment.learners:
-        learner = build_learner(experiment, name, game)
-        parts[name] = _LearnerPart(learner, demonstrations[name], experiment.iterations, learner.initial_state())
-    return _run(parts, experiment.iterations + experiment.closing_rounds, on_update, delivers)
+    learners = {name: build_learner(experiment, name, game) for name in experiment.learners}
+    return simulate_learners(
+        learners, demonstrations, experiment.iterations, experiment.closing_rounds, on_update, delivers
+    )
+
+
+def simulate_learners(
+    learners: Mapping[str, Learner],
+    demonstrations: Streams,
+    iterations: int,
+    closing_rounds: int,
+    on_update: OnUpdate = lambda _: None,
+    delivers: Delivers = lambda *_: True,
+) -> History:
+    """Run learners that are built already, of any game.
+
+    Parameters
+    ----------
+    learners : Mapping[str, Learner]
+        By name.
+    demonstrations : Streams
+        One per learner and update, or more.
+    iterations : int
+        N: updates.
+    closing_rounds : int
+        Of mixing alone.
+    on_update : OnUpdate, optional
+        Is called after each update.
+    delivers : Delivers, optional
+        A network that loses messages, which resilient mixing survives.
+
+    Returns
+    -------
+    History
+        theta and omega of every learner.
+    """
+    parts: dict[str, _Part] = {
+        name: _LearnerPart(learner, demonstrations[name], iterations, learner.initial_state())
+        for name, learner in learners.items()
+    }
+    return _run(parts, iterations + closing_rounds, on_update, delivers)
 
 
 def simulate_central(

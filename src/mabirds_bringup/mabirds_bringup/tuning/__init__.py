@@ -1,0 +1,1 @@
+"""Settings chosen by recordings that learners have, and by no others."""
