@@ -10,6 +10,7 @@ from mabirds_bringup import exit_codes
 from mabirds_bringup.commands.demonstrations import demonstrations_at_hand, digest_at_hand
 from mabirds_bringup.commands.options import Json
 from mabirds_bringup.console import console, guarded_output, print_json
+from mabirds_bringup.evaluate.policies import PolicyJudge
 from mabirds_bringup.evaluate.results import audit, write_results, write_unevaluated, write_unjudged
 from mabirds_bringup.run.certificate import certify, contradictions
 from mabirds_bringup.run.stored_run import StoredRun, load_run
@@ -61,10 +62,12 @@ def report_on(
     delivered: dict[str, Any] | None = None,
     *,
     evaluation: bool = True,
+    judge: PolicyJudge | None = None,
 ) -> dict[str, Any]:
     """Judge what is known of a run up to the first gap, if something is of every learner.
 
     ``seconds``: it took. ``delivered``: its audit, if at hand. Without ``evaluation`` it is only said what is known.
+    ``judge``: one that is ready, if there is.
     """
     with stored.open_history() as kept:
         certificate, history = certify(stored, kept, departed), kept.without_gap()
@@ -78,7 +81,9 @@ def report_on(
     if not evaluation:
         return write_unevaluated(stored.directory, certificate, seconds, delivered)
     demonstrations = demonstrations_at_hand(stored.experiment, stored.plan.bags)
-    return write_results(stored.experiment, history, demonstrations, stored.directory, seconds, certificate, delivered)
+    return write_results(
+        stored.experiment, history, demonstrations, stored.directory, seconds, certificate, delivered, judge
+    )
 
 
 def check(directory: RunDirectory, as_json: Json = False) -> int:

@@ -5,14 +5,15 @@ from pathlib import Path
 from typing import Any
 
 from mabirds_bringup.console import console, judges_table, progress_bar, summary_table
-from mabirds_bringup.evaluate.evaluation import LearnerMetrics, evaluate, summary
+from mabirds_bringup.evaluate.evaluation import evaluate, summary, tasks_of
+from mabirds_bringup.evaluate.policies import LearnerMetrics, PolicyJudge
 from mabirds_bringup.report.page import write_report
 from mabirds_bringup.run import run_directory
 from mabirds_bringup.run.certificate import Certificate
+from mabirds_bringup.run.run_directory import JudgedRows
 from mabirds_core.consensus.assumptions import validate
 from mabirds_core.consensus.schedule import DeliveredEdges, EdgeSchedule, delivered_edges, edge_mismatches
 from mabirds_core.errors import ScheduleError
-from mabirds_core.experiment.assembly import build_game
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History, Streams
 
@@ -32,7 +33,7 @@ def audit(schedule: EdgeSchedule, delivered: DeliveredEdges, iterations: int) ->
     return {"iterations": len(delivered), "edge_mismatches": mismatches, "connectivity_window": window}
 
 
-def write_results(
+def write_results(  # noqa: PLR0913, PLR0917 - all that a run directory tells
     experiment: Experiment,
     history: History,
     demonstrations: Streams,
@@ -40,29 +41,26 @@ def write_results(
     seconds: float,
     certificate: Certificate,
     delivered: dict[str, Any] | None = None,
+    judge: PolicyJudge | None = None,
 ) -> dict[str, Any]:
     """Evaluate ``history``, write metrics.csv, figures, reports and summary.json; show and return the summary.
 
     ``demonstrations``: each learner's. ``certificate``: what the history is worth. ``delivered``: the ``audit`` of a
-    network's run. Where it is interrupted, what was judged is kept for the next time.
+    network's run. ``judge``: one that is ready, if there is. Where it is interrupted, what was judged is kept for the
+    next time.
     """
     from mabirds_bringup.report.figures import save_figures  # matplotlib takes a second to load
 
-    judge = build_game(experiment).judge
-    total = sum(len(judge.eval_iterations(len(parameters))) for parameters in history.values())
-    rows: list[LearnerMetrics] = []
-    try:
-        with progress_bar() as bar:
-            task = bar.add_task("evaluating", total=total)
+    judge = judge or PolicyJudge(experiment)
+    with JudgedRows(directory) as rows, progress_bar() as bar:
+        task = bar.add_task("evaluating", total=len(tasks_of(judge, history)))
 
-            def on_row(row: LearnerMetrics) -> None:
-                rows.append(row)
-                bar.advance(task)
+        def on_judged(row: LearnerMetrics | None) -> None:
+            bar.advance(task)
+            if row is not None:
+                rows.add(row)
 
-            evaluation = evaluate(experiment, history, demonstrations, on_row, run_directory.read_judged(directory))
-    except KeyboardInterrupt:
-        run_directory.write_judged(directory, rows)
-        raise
+        evaluation = evaluate(experiment, history, demonstrations, on_judged, [*rows.known.values()], judge)
     content = {**certificate.content, **summary(experiment, evaluation, seconds)}
     if delivered is not None:
         content["delivered_graph"] = delivered

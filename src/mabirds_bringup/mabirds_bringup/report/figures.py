@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from mabirds_bringup.evaluate.evaluation import Evaluation
 from mabirds_bringup.report.schedule_figure import schedule_figure
-from mabirds_core.experiment.assembly import build_game, evaluation_policy
+from mabirds_core.experiment.assembly import build_game
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History
 from mabirds_core.games.whole_game import Learned
@@ -26,7 +26,7 @@ MANY = 60
 
 def save_figures(experiment: Experiment, history: History, evaluation: Evaluation, directory: Path) -> dict[str, str]:
     """Write map.png, curves.png and schedule.png; returns their names with what they show."""
-    learned, threshold = learned_by(experiment, history, evaluation), experiment.constraint_threshold
+    learned, threshold = learned_by(history, evaluation), experiment.constraint_threshold
     picture = build_game(experiment).figure(learned, threshold, experiment.seed)
     figures = {
         "map.png": (picture, "What each learner takes for forbidden, and how experts would act by it."),
@@ -44,15 +44,10 @@ def save_figures(experiment: Experiment, history: History, evaluation: Evaluatio
     return {name: words for name, (_, words) in figures.items()}
 
 
-def learned_by(experiment: Experiment, history: History, evaluation: Evaluation) -> dict[str, Learned]:
+def learned_by(history: History, evaluation: Evaluation) -> dict[str, Learned]:
     """What each learner or method of ``history`` ended with."""
-    game = build_game(experiment)
     return {
-        name: Learned(
-            evaluation_policy(experiment, name, game)(parameters[-1]),
-            parameters[-1].omega,
-            evaluation.constraints[name].learned,
-        )
+        name: Learned(evaluation.policies[name], parameters[-1].omega, evaluation.constraints[name].learned)
         for name, parameters in history.items()
     }
 
