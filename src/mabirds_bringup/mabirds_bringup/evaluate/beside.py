@@ -55,6 +55,7 @@ class Beside(threading.Thread):
         _set_niceness(self.native_id, LOW)
         with suppress(MabirdsError, OSError), self._stored.open_history() as kept:
             self.judge = PolicyJudge(self._stored.experiment)
+            self.judge.prepare()
             with JudgedRows(self._stored.directory) as rows:
                 self._judge_rows(self.judge, kept.parameters, rows)
 

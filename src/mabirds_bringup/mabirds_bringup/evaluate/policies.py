@@ -68,6 +68,11 @@ class PolicyJudge:
         self.held_out = draw_held_out(experiment, self.game)
         self._meanings: dict[str, Callable[[Parameters], Policy]] = {}
 
+    def prepare(self) -> None:
+        """Find out, and keep, what is known of experts before anything is learned."""
+        if self.held_out.experts is not None:
+            self.game.judge.distance([self.held_out.experts], self.experiment.seed)
+
     def policy(self, learner: str, parameters: Parameters) -> Policy:
         """What theta and omega of a learner or method mean."""
         if learner not in self._meanings:

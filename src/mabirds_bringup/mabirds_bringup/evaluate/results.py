@@ -43,14 +43,12 @@ def write_results(  # noqa: PLR0913, PLR0917 - all that a run directory tells
     delivered: dict[str, Any] | None = None,
     judge: PolicyJudge | None = None,
 ) -> dict[str, Any]:
-    """Evaluate ``history``, write metrics.csv, figures, reports and summary.json; show and return the summary.
+    """Evaluate ``history``, write metrics.csv and summary.json, then figures and reports; show and return the summary.
 
     ``demonstrations``: each learner's. ``certificate``: what the history is worth. ``delivered``: the ``audit`` of a
     network's run. ``judge``: one that is ready, if there is. Where it is interrupted, what was judged is kept for the
     next time.
     """
-    from mabirds_bringup.report.figures import save_figures  # matplotlib takes a second to load
-
     judge = judge or PolicyJudge(experiment)
     with JudgedRows(directory) as rows, progress_bar() as bar:
         task = bar.add_task("evaluating", total=len(tasks_of(judge, history)))
@@ -65,16 +63,24 @@ def write_results(  # noqa: PLR0913, PLR0917 - all that a run directory tells
     if delivered is not None:
         content["delivered_graph"] = delivered
     run_directory.write_metrics(directory, evaluation)
-    write_report(directory, content, save_figures(experiment, history, evaluation, directory))
     run_directory.write_json(directory / "summary.json", content)
+    _show(content, directory)
+
+    from mabirds_bringup.report.figures import save_figures  # matplotlib takes a second to load
+
+    write_report(directory, content, save_figures(experiment, judge.game, history, evaluation, directory))
+    console.print(f"results in {directory}; open {directory / 'report.html'}")
+    return content
+
+
+def _show(content: dict[str, Any], directory: Path) -> None:
+    """The summary, for people."""
     console.print(summary_table(content))
     if (judges := judges_table(content)) is not None:
         console.print(judges)
     show_missing(content, directory)
-    for mismatch in (delivered or {}).get("edge_mismatches", ()):
+    for mismatch in content.get("delivered_graph", {}).get("edge_mismatches", ()):
         console.print(f"the delivered graph differs: {mismatch}", style="red", soft_wrap=True)
-    console.print(f"results in {directory}; open {directory / 'report.html'}")
-    return content
 
 
 def write_unevaluated(

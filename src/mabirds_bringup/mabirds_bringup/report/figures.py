@@ -13,10 +13,9 @@ from matplotlib.figure import Figure
 
 from mabirds_bringup.evaluate.evaluation import Evaluation
 from mabirds_bringup.report.schedule_figure import schedule_figure
-from mabirds_core.experiment.assembly import build_game
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History
-from mabirds_core.games.whole_game import Learned
+from mabirds_core.games.whole_game import Game, Learned
 
 DOTS_PER_INCH = 110
 
@@ -24,10 +23,12 @@ MANY = 60
 """Judged points beyond which markers would hide the line."""
 
 
-def save_figures(experiment: Experiment, history: History, evaluation: Evaluation, directory: Path) -> dict[str, str]:
+def save_figures(
+    experiment: Experiment, game: Game, history: History, evaluation: Evaluation, directory: Path
+) -> dict[str, str]:
     """Write map.png, curves.png and schedule.png; returns their names with what they show."""
     learned, threshold = learned_by(history, evaluation), experiment.constraint_threshold
-    picture = build_game(experiment).figure(learned, threshold, experiment.seed)
+    picture = game.figure(learned, threshold, experiment.seed)
     figures = {
         "map.png": (picture, "What each learner takes for forbidden, and how experts would act by it."),
         "curves.png": (
