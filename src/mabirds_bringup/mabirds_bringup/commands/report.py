@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import typer
 
@@ -14,6 +14,7 @@ from mabirds_bringup.evaluate.policies import PolicyJudge
 from mabirds_bringup.evaluate.results import audit, write_results, write_unevaluated, write_unjudged
 from mabirds_bringup.run.certificate import certify, contradictions
 from mabirds_bringup.run.stored_run import StoredRun, load_run
+from mabirds_core.experiment.simulate import Streams
 
 RunDirectory = Annotated[Path, typer.Argument(metavar="RUN", help="Run directory, such as runs/latest.")]
 
@@ -55,6 +56,13 @@ def _compare(directories: Sequence[Path], out: Path, *, as_json: bool) -> int:
     return exit_codes.FINISHED
 
 
+class Ready(NamedTuple):
+    """What results are written with, which takes a while to make."""
+
+    judge: PolicyJudge
+    demonstrations: Streams
+
+
 def report_on(
     stored: StoredRun,
     seconds: float,
@@ -62,12 +70,12 @@ def report_on(
     delivered: dict[str, Any] | None = None,
     *,
     evaluation: bool = True,
-    judge: PolicyJudge | None = None,
+    ready: Ready | None = None,
 ) -> dict[str, Any]:
     """Judge what is known of a run up to the first gap, if something is of every learner.
 
     ``seconds``: it took. ``delivered``: its audit, if at hand. Without ``evaluation`` it is only said what is known.
-    ``judge``: one that is ready, if there is.
+    ``ready``: what is at hand already, if anything is.
     """
     with stored.open_history() as kept:
         certificate, history = certify(stored, kept, departed), kept.without_gap()
@@ -80,7 +88,7 @@ def report_on(
         delivered = audit(stored.experiment.edge_schedule, graph, rounds)
     if not evaluation:
         return write_unevaluated(stored.directory, certificate, seconds, delivered)
-    demonstrations = demonstrations_at_hand(stored.experiment, stored.plan.bags)
+    judge, demonstrations = ready or (None, demonstrations_at_hand(stored.experiment, stored.plan.bags))
     return write_results(
         stored.experiment, history, demonstrations, stored.directory, seconds, certificate, delivered, judge
     )

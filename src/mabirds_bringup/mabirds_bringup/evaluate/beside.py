@@ -9,6 +9,7 @@ learning has ended; the summary is then printed as JSON. It ends with who starte
 
 import json
 import os
+import select
 import sys
 import threading
 from collections.abc import Mapping, Sequence
@@ -17,8 +18,10 @@ from itertools import takewhile
 from pathlib import Path
 
 import mabirds_bringup.report.figures  # noqa: F401 - takes a second to load, which is over when results are asked for
-from mabirds_bringup.commands.report import report_on
+from mabirds_bringup.commands.demonstrations import demonstrations_at_hand
+from mabirds_bringup.commands.report import Ready, report_on
 from mabirds_bringup.console import guarded_output, print_json
+from mabirds_bringup.evaluate.evaluation import judge_finals
 from mabirds_bringup.evaluate.policies import PolicyJudge, Task
 from mabirds_bringup.run.run_directory import JudgedRows
 from mabirds_bringup.run.stored_run import StoredRun, load_run
@@ -29,7 +32,7 @@ from mabirds_msgs_py.supervised import end_with_supervisor
 LOW = 19
 """Niceness of the thread that judges: all others go before it."""
 
-PERIOD = 0.2
+PERIOD = 0.05
 """Seconds between two looks at what was learned."""
 
 EXIT_FAILED = 2
@@ -48,16 +51,17 @@ class Beside(threading.Thread):
     def __init__(self, stored: StoredRun) -> None:
         super().__init__(daemon=True)
         self._stored, self._ended = stored, threading.Event()
-        self.judge: PolicyJudge | None = None
+        self.ready: Ready | None = None
 
     def run(self) -> None:
         """Judge until all is judged, or until the end. What goes wrong is told by who writes the results."""
         _set_niceness(self.native_id, LOW)
         with suppress(MabirdsError, OSError), self._stored.open_history() as kept:
-            self.judge = PolicyJudge(self._stored.experiment)
-            self.judge.prepare()
+            judge = PolicyJudge(self._stored.experiment)
+            judge.prepare()
+            self.ready = Ready(judge, demonstrations_at_hand(self._stored.experiment, self._stored.plan.bags))
             with JudgedRows(self._stored.directory) as rows:
-                self._judge_rows(self.judge, kept.parameters, rows)
+                self._judge_rows(judge, kept.parameters, rows)
 
     def _judge_rows(self, judge: PolicyJudge, parameters: Mapping[str, ParametersLog], rows: JudgedRows) -> None:
         iterations = judge.game.judge.eval_iterations(self._stored.last)
@@ -70,12 +74,12 @@ class Beside(threading.Thread):
             n, name = found
             rows.add(judge.row(Task(name, n, parameters[name][n])))
 
-    def end(self) -> PolicyJudge | None:
-        """Judge no more, and hand over the judge."""
+    def end(self) -> Ready | None:
+        """Judge no more, and hand over what is ready."""
         self._ended.set()
         _set_niceness(self.native_id, 0)  # somebody waits for it
         self.join()
-        return self.judge
+        return self.ready
 
 
 def _due(waiting: Sequence[tuple[int, str]], parameters: Mapping[str, ParametersLog]) -> tuple[int, str] | None:
@@ -94,6 +98,23 @@ def _set_niceness(thread: int | None, niceness: int) -> None:
             os.setpriority(os.PRIO_PROCESS, thread, niceness)
 
 
+def anticipate(stored: StoredRun, ready: Ready | None) -> None:
+    """Judge the last parameters while the processes of the run are stopped.
+
+    Parameters
+    ----------
+    stored : StoredRun
+        All of which is learned.
+    ready : Ready or None
+        None where it could not be made.
+    """
+    with stored.open_history() as kept:
+        if ready and all(stored.last in log for log in kept.parameters.values()):
+            judge_finals(
+                ready.judge, {name: log[stored.last] for name, log in kept.parameters.items()}, ready.demonstrations
+            )
+
+
 def main(directory: Path) -> int:
     """Judge until a line comes, then write the results; the exit code."""
     end_with_supervisor()
@@ -102,9 +123,13 @@ def main(directory: Path) -> int:
             stored = load_run(directory)
             beside = Beside(stored)
             beside.start()
+            while beside.is_alive() and not select.select([sys.stdin], [], [], PERIOD)[0]:
+                pass
+            if not beside.is_alive():
+                anticipate(stored, beside.ready)
             if not (request := sys.stdin.readline()):
                 return EXIT_FAILED  # nobody wants results
-            print_json(report_on(stored, **json.loads(request), judge=beside.end()), stdout)
+            print_json(report_on(stored, **json.loads(request), ready=beside.end()), stdout)
         except MabirdsError:
             return EXIT_FAILED
     return 0

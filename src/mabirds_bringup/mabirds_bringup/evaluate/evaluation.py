@@ -113,19 +113,66 @@ def evaluate(
     judge = judge or PolicyJudge(experiment)
     game, held_out, final = judge.game, judge.held_out, {name: of[-1] for name, of in history.items()}
     told = _told(judge, history, judged, on_judged)
-    policies = judge.policies(final)
+    finals = judge_finals(judge, final, demonstrations)
     together = list(zip(*history.values(), strict=False))
     return Evaluation(
         [*told.rows.values()],
         [consensus_distance([learner.theta for learner in learners]) for learners in together],
         [consensus_distance([learner.omega for learner in learners]) for learners in together],
+        finals.apart,
+        finals.constraints,
+        held_out.log_likelihood(game, held_out.experts),
+        finals.from_experts,
+        held_out.fixed_log_likelihoods(game, next(iter(finals.policies.values()))),
+        assembled(experiment, final, told.verdicts),
+        finals.policies,
+    )
+
+
+class Finals(NamedTuple):
+    """What is found of the last parameters alone.
+
+    Attributes
+    ----------
+    policies : Mapping[str, Policy]
+        By learner or method.
+    apart : float
+        Largest distance between two of them.
+    constraints : dict[str, Constraints]
+        By learner or method.
+    from_experts : dict[str, float or None]
+        Distances, by learner or method.
+    """
+
+    policies: Mapping[str, Policy]
+    apart: float
+    constraints: dict[str, Constraints]
+    from_experts: dict[str, float | None]
+
+
+def judge_finals(judge: PolicyJudge, final: Mapping[str, Parameters], demonstrations: Streams) -> Finals:
+    """Judge what learners ended with; a second time costs little, since the judge keeps what takes long.
+
+    Parameters
+    ----------
+    judge : PolicyJudge
+        Of the experiment.
+    final : Mapping[str, Parameters]
+        theta and omega by learner or method.
+    demonstrations : Streams
+        Each learner's.
+
+    Returns
+    -------
+    Finals
+        Of all.
+    """
+    experiment, game, policies = judge.experiment, judge.game, judge.policies(final)
+    return Finals(
+        policies,
         game.judge.distance([*policies.values()], experiment.seed),
         {name: learned_constraints(experiment, name, last, demonstrations, game) for name, last in final.items()},
-        held_out.log_likelihood(game, held_out.experts),
-        {name: distance_to_experts(experiment, game, policy, held_out) for name, policy in policies.items()},
-        held_out.fixed_log_likelihoods(game, next(iter(policies.values()))),
-        assembled(experiment, final, told.verdicts),
-        policies,
+        {name: distance_to_experts(experiment, game, policy, judge.held_out) for name, policy in policies.items()},
     )
 
 

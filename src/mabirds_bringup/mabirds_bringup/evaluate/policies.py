@@ -67,6 +67,7 @@ class PolicyJudge:
         self.experiment, self.game = experiment, build_game(experiment)
         self.held_out = draw_held_out(experiment, self.game)
         self._meanings: dict[str, Callable[[Parameters], Policy]] = {}
+        self._final: dict[bytes, Policy] = {}
 
     def prepare(self) -> None:
         """Find out, and keep, what is known of experts before anything is learned."""
@@ -80,14 +81,13 @@ class PolicyJudge:
         return self._meanings[learner](parameters)
 
     def policies(self, final: Mapping[str, Parameters]) -> dict[str, Policy]:
-        """Of several; learners with the same numbers share one."""
-        found, result = dict[bytes, Policy](), dict[str, Policy]()
+        """What learners ended with, found once: those with the same numbers share one."""
+        numbers = {name: numbers_of(self.experiment, name, parameters) for name, parameters in final.items()}
+        self._final = {key: policy for key, policy in self._final.items() if key in numbers.values()}
         for name, parameters in final.items():
-            numbers = numbers_of(self.experiment, name, parameters)
-            if numbers not in found:
-                found[numbers] = self.policy(name, parameters)
-            result[name] = found[numbers]
-        return result
+            if numbers[name] not in self._final:
+                self._final[numbers[name]] = self.policy(name, parameters)
+        return {name: self._final[numbers[name]] for name in final}
 
     def row(self, task: Task) -> LearnerMetrics:
         """Metrics of one learner at one iteration."""
