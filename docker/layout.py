@@ -33,7 +33,7 @@ from mabirds_bringup.run.processes import NodeProcess
 from mabirds_core.errors import MabirdsError
 from mabirds_core.experiment.file import load_experiment
 from mabirds_learner.checkpoint import newest_of_anybody
-from mabirds_msgs_py.node_main import SUPERVISOR
+from mabirds_msgs_py.supervised import SUPERVISOR
 
 DOCKER = Path(__file__).resolve().parent
 sys.path.insert(0, str(DOCKER.parent / "tests" / "network"))  # the tests' own virtual networks

@@ -29,7 +29,7 @@ from typer.main import get_command
 from mabirds_bringup import exit_codes
 from mabirds_bringup.application import app
 from mabirds_bringup.draw.node import DrawingNode
-from mabirds_bringup.evaluate.evaluation import LearnerMetrics
+from mabirds_bringup.evaluate.policies import LearnerMetrics
 from mabirds_bringup.run.declaration import MembershipPublisher
 from mabirds_bringup.run.run_directory import CONTENTS
 from mabirds_bringup.watch.monitor import MonitorNode

@@ -11,7 +11,8 @@ from halves import Halves, settings, two_halves
 from namespaces import obstacle
 
 from mabirds_msgs_py.environment import FASTDDS_PROFILE
-from mabirds_msgs_py.node_main import EXIT_MOVED, SUPERVISOR
+from mabirds_msgs_py.node_main import EXIT_MOVED
+from mabirds_msgs_py.supervised import SUPERVISOR
 
 OBSTACLE = obstacle()
 pytestmark = pytest.mark.skipif(OBSTACLE is not None, reason=f"no network namespaces: {OBSTACLE}")

@@ -51,7 +51,7 @@ class VectorLog(Mapping[int, Vector]):
         file.parent.mkdir(parents=True, exist_ok=True)
         self._descriptor = os.open(file, os.O_RDWR | os.O_CREAT, 0o644)
         self._require_header()
-        self._look_through()
+        self.look_again()
 
     def _require_header(self) -> None:
         found, expected = os.pread(self._descriptor, HEADER, 0), self._format.header
@@ -64,10 +64,10 @@ class VectorLog(Mapping[int, Vector]):
                 " delete this file"
             )
 
-    def _look_through(self) -> None:
-        """Note which records are whole."""
+    def look_again(self) -> None:
+        """Note which records are whole, from the first that was not: another process may have written some."""
         at_once = max(1, READ_AT_ONCE // self._record)
-        first = 1
+        first = int(np.argmin(np.append(self._there[1:], False))) + 1
         while content := os.pread(self._descriptor, at_once * self._record, self._place(first)):
             for offset in range(0, len(content) // self._record * self._record, self._record):
                 if self._found(content, n := first + offset // self._record, offset):
@@ -177,6 +177,10 @@ class ParametersLog(Mapping[int, Parameters]):
     def newest(self) -> int:
         """The largest n; 0 where there is none."""
         return self._vectors.newest
+
+    def look_again(self) -> None:
+        """Note what another process has written since."""
+        self._vectors.look_again()
 
     def __setitem__(self, iteration: int, parameters: Parameters) -> None:
         self._vectors[iteration] = np.concatenate(parameters)

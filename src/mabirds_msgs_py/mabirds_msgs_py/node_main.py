@@ -1,8 +1,6 @@
 """The one way in which a node's process starts, spins and ends."""
 
-import ctypes
 import os
-import signal
 import sys
 from collections.abc import Callable, Sequence
 
@@ -18,6 +16,7 @@ from mabirds_msgs_py.clock_watch import SetBack, waking
 from mabirds_msgs_py.message_loop import MessageLoop
 from mabirds_msgs_py.network_node import require_known_parameters
 from mabirds_msgs_py.security import start_ros
+from mabirds_msgs_py.supervised import SUPERVISOR, end_with_supervisor
 
 EXIT_FINISHED = 0
 EXIT_BAD_INPUT = 2
@@ -26,11 +25,6 @@ EXIT_MOVED = 75
 """The host has other addresses than when the node began; its supervisor starts it again, with a new participant."""
 
 BAD_INPUT = (MabirdsError, InvalidParameterTypeException, InvalidParameterValueException)
-
-SUPERVISOR = "MABIRDS_SUPERVISOR"
-"""Environment variable: the process id of a parent without which this node should not live on."""
-
-PR_SET_PDEATHSIG = 1
 
 IDLE_WAKE_UP = 1.0
 """Seconds after which the loop looks at rclpy.ok() even if nothing happens."""
@@ -59,7 +53,7 @@ def run_node(create: Callable[[], Node], help_text: str, arguments: Sequence[str
     if "--help" in given or "-h" in given:
         print(help_text)  # noqa: T201 - what --help is for
         return EXIT_FINISHED
-    _end_with_supervisor()
+    end_with_supervisor()
     addresses, clock = AddressWatch(), SetBack()  # before the participant is made, which keeps to both
     try:
         start_ros(given)
@@ -105,16 +99,3 @@ def _spin(node: Node, loop: MessageLoop, addresses: AddressWatch) -> bool:
 def _refuse(error: Exception) -> int:
     print(f"error: {error}", file=sys.stderr)  # noqa: T201 - there may be no logger yet
     return EXIT_BAD_INPUT
-
-
-def _end_with_supervisor() -> None:
-    """Ask the kernel for SIGKILL should the supervisor be killed: no node is left behind, not even a stopped one.
-
-    What a learner has said is in its checkpoints by then.
-    """
-    supervisor = os.environ.get(SUPERVISOR)
-    if supervisor is None or sys.platform != "linux":
-        return
-    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != int(supervisor):
-        sys.exit("error: the supervisor is gone")

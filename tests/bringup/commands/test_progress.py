@@ -12,8 +12,8 @@ from rich.console import Console
 from mabirds_bringup import console as shown
 from mabirds_bringup.commands.demonstrations import demonstrations_of
 from mabirds_bringup.commands.simulate import simulate_from_bag
-from mabirds_bringup.evaluate.evaluation import evaluate, step_count
-from mabirds_core.experiment.assembly import build_game
+from mabirds_bringup.evaluate.evaluation import evaluate, tasks_of
+from mabirds_bringup.evaluate.policies import PolicyJudge
 from mabirds_core.experiment.file import load_experiment
 
 
@@ -59,9 +59,7 @@ def test_a_terminal_has_a_bar_and_no_lines(told: io.StringIO, monkeypatch: pytes
 
 
 def test_an_evaluation_takes_as_many_steps_as_it_says(make_experiment: Callable[..., Path]) -> None:
-    """The last ones, which need no rows: constraints, and planners that took no part."""
     experiment = load_experiment(make_experiment(iterations=3))
-    history, steps, rows = simulate_from_bag(experiment), list[int](), list[Any]()
-    evaluate(experiment, history, demonstrations_of(experiment), rows.append, (), lambda: steps.append(len(rows)))
-    assert len(steps) == step_count(build_game(experiment), history) == len(rows) + 4
-    assert steps[-5:] == [len(rows)] * 5
+    history, steps = simulate_from_bag(experiment), list[Any]()
+    evaluate(experiment, history, demonstrations_of(experiment), steps.append)
+    assert len(steps) == len(tasks_of(PolicyJudge(experiment), history)) == 8

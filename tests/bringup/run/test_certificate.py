@@ -127,7 +127,7 @@ def test_an_interrupted_evaluation_keeps_what_was_judged(
     judged = list[Any]()
 
     def interrupted(*arguments: Any) -> Any:
-        experiment, history, demonstrations, on_row, known, _ = arguments
+        experiment, history, demonstrations, on_row, known, judge = arguments
         assert [row.iteration for row in known] == judged
 
         def on_each(row: Any) -> None:
@@ -136,7 +136,7 @@ def test_an_interrupted_evaluation_keeps_what_was_judged(
             if len(judged) == 3:
                 raise KeyboardInterrupt
 
-        return evaluate(experiment, history, demonstrations, on_each, known)
+        return evaluate(experiment, history, demonstrations, on_each, known, judge)
 
     evaluate = results.evaluate
     monkeypatch.setattr(results, "evaluate", interrupted)

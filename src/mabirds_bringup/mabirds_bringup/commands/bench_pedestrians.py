@@ -5,9 +5,10 @@ from typing import Annotated
 
 import typer
 
-from mabirds_bringup.bench.command import FIRST_SEED, command_line, tell
+from mabirds_bringup.bench.command import FIRST_SEED, tell
 from mabirds_bringup.commands.options import FirstSeed, Json, ReportDirectory
 from mabirds_bringup.console import guarded_output, print_json, progress_bar
+from mabirds_bringup.run.run_directory import command_line
 
 
 def pedestrians(

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import typer
 
@@ -10,9 +10,11 @@ from mabirds_bringup import exit_codes
 from mabirds_bringup.commands.demonstrations import demonstrations_at_hand, digest_at_hand
 from mabirds_bringup.commands.options import Json
 from mabirds_bringup.console import console, guarded_output, print_json
+from mabirds_bringup.evaluate.policies import PolicyJudge
 from mabirds_bringup.evaluate.results import delivery_of, write_results, write_unevaluated, write_unjudged
 from mabirds_bringup.run.certificate import certify, contradictions
 from mabirds_bringup.run.stored_run import StoredRun, load_run
+from mabirds_core.experiment.simulate import Streams
 
 RunDirectory = Annotated[Path, typer.Argument(metavar="RUN", help="Run directory, such as runs/latest.")]
 
@@ -55,6 +57,13 @@ def _compare(directories: Sequence[Path], out: Path, *, as_json: bool) -> int:
     return exit_codes.FINISHED
 
 
+class Ready(NamedTuple):
+    """What results are written with, which takes a while to make."""
+
+    judge: PolicyJudge
+    demonstrations: Streams
+
+
 def report_on(
     stored: StoredRun,
     seconds: float,
@@ -62,11 +71,12 @@ def report_on(
     mass_residual: float | None = None,
     *,
     evaluation: bool = True,
+    ready: Ready | None = None,
 ) -> dict[str, Any]:
     """Judge what is known of a run up to the first gap, if something is of every learner.
 
     ``seconds``: it took. ``mass_residual``: of resilient mode, if at hand. Without ``evaluation`` it is only
-    said what is known.
+    said what is known. ``ready``: what is at hand already, if anything is.
     """
     with stored.open_history() as kept:
         certificate, history = certify(stored, kept, departed), kept.without_gap()
@@ -77,8 +87,10 @@ def report_on(
     delivery = None if graph is None else delivery_of(stored.experiment, graph, mass_residual)
     if not evaluation:
         return write_unevaluated(stored.directory, certificate, seconds, delivery)
-    demonstrations = demonstrations_at_hand(stored.experiment, stored.plan.bags)
-    return write_results(stored.experiment, history, demonstrations, stored.directory, seconds, certificate, delivery)
+    judge, demonstrations = ready or (None, demonstrations_at_hand(stored.experiment, stored.plan.bags))
+    return write_results(
+        stored.experiment, history, demonstrations, stored.directory, seconds, certificate, delivery, judge
+    )
 
 
 def check(directory: RunDirectory, as_json: Json = False) -> int:

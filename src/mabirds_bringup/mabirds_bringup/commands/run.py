@@ -4,6 +4,7 @@ import os
 import sys
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -19,6 +20,7 @@ from mabirds_bringup.console import console, ending_as_interrupted, guarded_outp
 from mabirds_bringup.evaluate.results import write_unjudged
 from mabirds_bringup.run import run_directory
 from mabirds_bringup.run.certificate import certify
+from mabirds_bringup.run.judging import Judging
 from mabirds_bringup.run.network import HostMovedError, Network
 from mabirds_bringup.run.processes import PLAYER
 from mabirds_bringup.run.size import shown_size
@@ -166,10 +168,12 @@ def _run(stored: StoredRun, player: Mapping[str, object], restarts: int, *, eval
     )
     shown_size(experiment, len([name for name in network.names if name in (network.only or network.names)]))
     try:
-        with _Display(experiment, network) as display:
-            result = network.run(display.update)
-        seconds = time.monotonic() - start
-        return report_on(stored, seconds, result.departed, result.mass_residual, evaluation=evaluation)
+        with Judging(stored.directory) if evaluation else nullcontext() as judging:
+            with _Display(experiment, network) as display:
+                result = network.run(display.update)
+            learned = time.monotonic() - start, result.departed, result.mass_residual
+            judged = judging.results(*learned) if judging else None
+        return judged or report_on(stored, *learned, evaluation=evaluation)
     except (KeyboardInterrupt, MabirdsError, OSError) as error:
         with stored.open_history() as kept:
             write_unjudged(stored.directory, certify(stored, kept), str(error) or "interrupted")

@@ -2,16 +2,18 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from mabirds_bringup.evaluate.held_out import HeldOut, draw_held_out
-from mabirds_bringup.evaluate.verdicts import Verdicts, verdicts
+from mabirds_bringup.evaluate.held_out import HeldOut
+from mabirds_bringup.evaluate.parallel import judge_all
+from mabirds_bringup.evaluate.policies import LearnerMetrics, PolicyJudge, Task
+from mabirds_bringup.evaluate.verdicts import Verdict, Verdicts, asked_of, assembled
 from mabirds_core.algorithm.memory import stacked
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Mask, Vector
-from mabirds_core.experiment.assembly import build_game, evaluation_policy, reward_of
+from mabirds_core.experiment.assembly import build_game, reward_of
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History, Streams
 from mabirds_core.games.interface import ShownFeatures, shown_features
@@ -25,26 +27,14 @@ from mabirds_core.metrics.constraints import (
 )
 from mabirds_core.metrics.curves import first_at, late_mean, late_minimum, stays_from
 from mabirds_core.metrics.metrics import consensus_distance
+from mabirds_core.planners.interface import Policy
 from mabirds_core.rewards.shown import RewardWithShown
+
+OnJudged = Callable[[LearnerMetrics | None], None]
+"""Called with each row, and with None for each verdict."""
 
 LEVEL = 0.9
 """Success rate from which on the time is told."""
-
-
-@dataclass(frozen=True)
-class LearnerMetrics:
-    """One learner at one iteration; rates in [0, 1], the likelihood in nats per held-out demonstration.
-
-    Rates are None where nobody knows the truth. The certificate is in nats, too: by how much the planner's value is
-    missed by what its policy earns.
-    """
-
-    learner: str
-    iteration: int
-    violation_rate: float | None
-    success_rate: float | None
-    held_out_log_likelihood: float | None
-    certificate: float | None
 
 
 class Constraints(NamedTuple):
@@ -70,7 +60,10 @@ class Constraints(NamedTuple):
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Rows by learner and iteration, what was learned in the end, and the consensus distances by iteration."""
+    """Rows by learner and iteration, what was learned in the end, and the consensus distances by iteration.
+
+    ``policies``: what each learner or method ended with.
+    """
 
     rows: list[LearnerMetrics]
     consensus_theta: list[float]
@@ -81,6 +74,7 @@ class Evaluation:
     occupancy_distance: dict[str, float | None]
     fixed_log_likelihoods: Mapping[str, float]
     verdicts: Mapping[str, Verdicts]
+    policies: Mapping[str, Policy]
 
     def of(self, learner: str) -> list[LearnerMetrics]:
         """A learner's rows in order."""
@@ -91,11 +85,11 @@ def evaluate(
     experiment: Experiment,
     history: History,
     demonstrations: Streams,
-    on_row: Callable[[LearnerMetrics], None] = lambda _: None,
+    on_judged: OnJudged = lambda _: None,
     judged: Sequence[LearnerMetrics] = (),
-    on_step: Callable[[], None] = lambda: None,
+    judge: PolicyJudge | None = None,
 ) -> Evaluation:
-    """Judge theta(n), omega(n) of all learners by the game's judge.
+    """Judge theta(n), omega(n) of all learners by the game's judge; in parallel, where that takes long.
 
     Parameters
     ----------
@@ -105,70 +99,128 @@ def evaluate(
         theta and omega of each learner or method.
     demonstrations : Streams
         Each learner's, from which it learned; empty where they are not at hand.
-    on_row : Callable
-        Called with each iteration that was judged.
+    on_judged : Callable
+        Called with each iteration that was judged, and with None for each verdict of another planner.
     judged : Sequence
-        What is known of an evaluation of the same run that was interrupted.
-    on_step : Callable
-        Called as often as ``step_count`` says.
+        What is known already: of judging while it was learned, or of an evaluation that was interrupted.
+    judge : PolicyJudge, optional
+        Of the experiment, where one is ready.
 
     Returns
     -------
     Evaluation
         Exact or sampled, as the game's judge says.
     """
-    game = build_game(experiment)
-    held_out, rows = draw_held_out(experiment, game), list[LearnerMetrics]()
-    before = {(row.learner, row.iteration): row for row in judged}
-    for name, parameters in history.items():
-        policy = evaluation_policy(experiment, name, game)
-        for iteration in game.judge.eval_iterations(len(parameters)):
-            row = before.get((name, iteration))
-            if row is None:
-                planned = policy(parameters[iteration - 1])
-                violation, success = game.judge.imitation(planned, experiment.seed) or (None, None)
-                likelihood = held_out.log_likelihood(game, planned)
-                certificate = game.judge.certificate(planned, experiment.seed)
-                row = LearnerMetrics(name, iteration, violation, success, likelihood, certificate)
-            rows.append(row)
-            on_row(row)
-            on_step()
+    judge = judge or PolicyJudge(experiment)
+    game, held_out, final = judge.game, judge.held_out, {name: of[-1] for name, of in history.items()}
+    told = _told(judge, history, judged, on_judged)
+    finals = judge_finals(judge, final, demonstrations)
     together = list(zip(*history.values(), strict=False))
-    final = {name: parameters[-1] for name, parameters in history.items()}
-    policies = {name: evaluation_policy(experiment, name, game)(last) for name, last in final.items()}
-    constraints = {}
-    for name, last in final.items():
-        constraints[name] = learned_constraints(experiment, name, last, demonstrations, game)
-        on_step()
     return Evaluation(
-        rows,
+        [*told.rows.values()],
         [consensus_distance([learner.theta for learner in learners]) for learners in together],
         [consensus_distance([learner.omega for learner in learners]) for learners in together],
-        game.judge.distance([*policies.values()], experiment.seed),
-        constraints,
+        finals.apart,
+        finals.constraints,
         held_out.log_likelihood(game, held_out.experts),
-        {name: distance_to_experts(experiment, game, policy, held_out) for name, policy in policies.items()},
-        held_out.fixed_log_likelihoods(game, next(iter(policies.values()))),
-        verdicts(experiment, game, final, on_step),
+        finals.from_experts,
+        held_out.fixed_log_likelihoods(game, next(iter(finals.policies.values()))),
+        assembled(experiment, final, told.verdicts),
+        finals.policies,
     )
 
 
-def step_count(game: Game, history: History) -> int:
-    """Steps of an evaluation: each iteration that is judged, each learner's constraints, and other planners' verdicts.
+class Finals(NamedTuple):
+    """What is found of the last parameters alone.
+
+    Attributes
+    ----------
+    policies : Mapping[str, Policy]
+        By learner or method.
+    apart : float
+        Largest distance between two of them.
+    constraints : dict[str, Constraints]
+        By learner or method.
+    from_experts : dict[str, float or None]
+        Distances, by learner or method.
+    """
+
+    policies: Mapping[str, Policy]
+    apart: float
+    constraints: dict[str, Constraints]
+    from_experts: dict[str, float | None]
+
+
+def judge_finals(judge: PolicyJudge, final: Mapping[str, Parameters], demonstrations: Streams) -> Finals:
+    """Judge what learners ended with; a second time costs little, since the judge keeps what takes long.
 
     Parameters
     ----------
-    game : Game
-        That was learned.
-    history : History
-        As of ``evaluate``.
+    judge : PolicyJudge
+        Of the experiment.
+    final : Mapping[str, Parameters]
+        theta and omega by learner or method.
+    demonstrations : Streams
+        Each learner's.
 
     Returns
     -------
-    int
-        How often ``on_step`` is called.
+    Finals
+        Of all.
     """
-    return sum(len(game.judge.eval_iterations(len(parameters))) + 2 for parameters in history.values())
+    experiment, game, policies = judge.experiment, judge.game, judge.policies(final)
+    return Finals(
+        policies,
+        game.judge.distance([*policies.values()], experiment.seed),
+        {name: learned_constraints(experiment, name, last, demonstrations, game) for name, last in final.items()},
+        {name: distance_to_experts(experiment, game, policy, judge.held_out) for name, policy in policies.items()},
+    )
+
+
+def tasks_of(judge: PolicyJudge, history: History) -> list[Task]:
+    """What is judged of a history.
+
+    Parameters
+    ----------
+    judge : PolicyJudge
+        Of the experiment.
+    history : History
+        theta and omega of each learner or method.
+
+    Returns
+    -------
+    list[Task]
+        Verdicts of other planners on the last parameters, which take longest, then rows by learner and iteration.
+    """
+    final = {name: parameters[-1] for name, parameters in history.items()}
+    verdicts = [
+        Task(name, len(history[name]), final[name], planner)
+        for name, planner in asked_of(judge.experiment, judge.game, final)
+    ]
+    judged = judge.game.judge.eval_iterations
+    rows = [Task(name, n, of[n - 1]) for name, of in history.items() for n in judged(len(of))]
+    return [*verdicts, *rows]
+
+
+class _Told(NamedTuple):
+    """By learner and iteration, and by learner and planner."""
+
+    rows: dict[tuple[str, int], LearnerMetrics]
+    verdicts: dict[tuple[str, str], Verdict]
+
+
+def _told(judge: PolicyJudge, history: History, known: Sequence[LearnerMetrics], on_judged: OnJudged) -> _Told:
+    """Judge what is not known."""
+    tasks = tasks_of(judge, history)
+    rows, verdicts = {(row.learner, row.iteration): row for row in known}, dict[tuple[str, str], Verdict]()
+    new = judge_all(judge, [task for task in tasks if task.planner or task.row not in rows])
+    for task in tasks:
+        if task.planner:
+            verdicts[task.learner, task.planner] = cast("Verdict", next(new))
+        elif task.row not in rows:
+            rows[task.row] = cast("LearnerMetrics", next(new))
+        on_judged(None if task.planner else rows[task.row])
+    return _Told({task.row: rows[task.row] for task in tasks if not task.planner}, verdicts)
 
 
 def distance_to_experts(experiment: Experiment, game: Game, policy: Any, held_out: HeldOut) -> float | None:

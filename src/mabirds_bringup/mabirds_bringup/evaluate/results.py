@@ -5,15 +5,16 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from mabirds_bringup.console import console, judges_table, progress_bar, summary_table
-from mabirds_bringup.evaluate.evaluation import LearnerMetrics, evaluate, step_count, summary
+from mabirds_bringup.evaluate.evaluation import evaluate, summary, tasks_of
+from mabirds_bringup.evaluate.policies import LearnerMetrics, PolicyJudge
 from mabirds_bringup.report.page import write_report
 from mabirds_bringup.report.said import said
 from mabirds_bringup.run import run_directory
 from mabirds_bringup.run.certificate import Certificate
+from mabirds_bringup.run.run_directory import JudgedRows
 from mabirds_core.consensus.assumptions import validate
 from mabirds_core.consensus.schedule import DeliveredEdges, EdgeSchedule, delivered_edges, edge_mismatches
 from mabirds_core.errors import ScheduleError
-from mabirds_core.experiment.assembly import build_game
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History, Streams
 
@@ -59,7 +60,7 @@ def delivery_of(experiment: Experiment, edges: DeliveredEdges, mass_residual: fl
     return Delivery(edges, found if mass_residual is None else found | {"mass_residual": mass_residual})
 
 
-def write_results(
+def write_results(  # noqa: PLR0913, PLR0917 - all that a run directory tells
     experiment: Experiment,
     history: History,
     demonstrations: Streams,
@@ -67,41 +68,49 @@ def write_results(
     seconds: float,
     certificate: Certificate,
     delivery: Delivery | None = None,
+    judge: PolicyJudge | None = None,
 ) -> dict[str, Any]:
-    """Evaluate ``history``, write metrics.csv, figures, reports and summary.json; show and return the summary.
+    """Evaluate ``history``, write metrics.csv and summary.json, then figures and reports; show and return the summary.
 
-    ``demonstrations``: each learner's. ``certificate``: what the history is worth. ``delivery``: of a network's
-    run. Where it is interrupted, what was judged is kept for the next time.
+    ``demonstrations``: each learner's. ``certificate``: what the history is worth. ``delivery``: of a network's run.
+    ``judge``: one that is ready, if there is. Where it is interrupted, what was judged is kept for the next time.
     """
-    from mabirds_bringup.report.figures import save_delivery, save_figures  # matplotlib takes a second to load
+    judge = judge or PolicyJudge(experiment)
+    with JudgedRows(directory) as rows, progress_bar() as bar:
+        task = bar.add_task("evaluating", total=len(tasks_of(judge, history)))
 
-    total = step_count(build_game(experiment), history)
-    rows: list[LearnerMetrics] = []
-    try:
-        with progress_bar() as bar:
-            task, judged = bar.add_task("evaluating", total=total), run_directory.read_judged(directory)
-            evaluation = evaluate(experiment, history, demonstrations, rows.append, judged, lambda: bar.advance(task))
-    except KeyboardInterrupt:
-        run_directory.write_judged(directory, rows)
-        raise
+        def on_judged(row: LearnerMetrics | None) -> None:
+            bar.advance(task)
+            if row is not None:
+                rows.add(row)
+
+        evaluation = evaluate(experiment, history, demonstrations, on_judged, [*rows.known.values()], judge)
     content = {**certificate.content, **summary(experiment, evaluation, seconds)}
     if delivery is not None:
         content["delivered_graph"] = delivery.audit
     run_directory.write_metrics(directory, evaluation)
+    run_directory.write_json(directory / "summary.json", content)
+    _show(content, directory)
+
+    from mabirds_bringup.report.figures import save_delivery, save_figures  # matplotlib takes a second to load
+
     told = said(directory, history)
-    figures = save_figures(experiment, history, evaluation, directory)
+    figures = save_figures(experiment, judge.game, history, evaluation, directory)
     if delivery is not None:
         figures |= save_delivery(experiment, delivery.edges, told, directory)
     write_report(directory, content, figures, told)
-    run_directory.write_json(directory / "summary.json", content)
+    console.print(f"results in {directory}; open {directory / 'report.html'}")
+    return content
+
+
+def _show(content: dict[str, Any], directory: Path) -> None:
+    """The summary, for people."""
     console.print(summary_table(content))
     if (judges := judges_table(content)) is not None:
         console.print(judges)
     show_missing(content, directory)
-    for mismatch in delivery.audit.get("edge_mismatches", ()) if delivery else ():
+    for mismatch in content.get("delivered_graph", {}).get("edge_mismatches", ()):
         console.print(f"the delivered graph differs: {mismatch}", style="red", soft_wrap=True)
-    console.print(f"results in {directory}; open {directory / 'report.html'}")
-    return content
 
 
 def write_unevaluated(

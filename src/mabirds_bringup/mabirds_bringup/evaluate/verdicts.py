@@ -1,6 +1,6 @@
 """What theta and omega mean to planners that took no part in learning them."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from mabirds_core.algorithm.parameters import Parameters
@@ -32,9 +32,13 @@ Verdicts = Mapping[str, Verdict]
 """By the name of the planner; empty where the game has none, or the method no model of rewards."""
 
 
-def verdicts(
-    experiment: Experiment, game: Game, final: Mapping[str, Parameters], on_step: Callable[[], None] = lambda: None
-) -> dict[str, Verdicts]:
+def numbers_of(experiment: Experiment, name: str, parameters: Parameters) -> bytes:
+    """What decides a policy: learners mean the same by the same numbers, methods need not."""
+    whose = b"" if name in experiment.learners else name.encode()
+    return whose + b"".join(values.tobytes() for values in parameters)
+
+
+def verdicts(experiment: Experiment, game: Game, final: Mapping[str, Parameters]) -> dict[str, Verdicts]:
     """Judge by all planners that the game has for it.
 
     Parameters
@@ -45,34 +49,93 @@ def verdicts(
         Of the experiment.
     final : Mapping[str, Parameters]
         theta and omega by learner or method.
-    on_step : Callable, optional
-        Called after each of them.
 
     Returns
     -------
     dict[str, Verdicts]
         By learner or method. Learners that ended with the same numbers are judged once.
     """
-    found, result = dict[bytes, Verdicts](), dict[str, Verdicts]()
+    asked = asked_of(experiment, game, final)
+    return assembled(experiment, final, {of: verdict(experiment, game, *of, final[of[0]]) for of in asked})
+
+
+def asked_of(experiment: Experiment, game: Game, final: Mapping[str, Parameters]) -> list[tuple[str, str]]:
+    """Who is judged by which planner; of learners that ended with the same numbers only the first.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        What was learned.
+    game : Game
+        Of the experiment.
+    final : Mapping[str, Parameters]
+        theta and omega by learner or method.
+
+    Returns
+    -------
+    list
+        Names of the learner or method and of the planner.
+    """
+    different = dict[bytes, str]()
     for name, parameters in final.items():
-        numbers = b"" if name in experiment.learners else name.encode()
-        numbers += b"".join(values.tobytes() for values in parameters)
-        if numbers not in found:
-            found[numbers] = _verdicts(experiment, game, name, parameters)
-        result[name] = found[numbers]
-        on_step()
-    return result
+        different.setdefault(numbers_of(experiment, name, parameters), name)
+    return [(name, planner) for name in different.values() for planner in _planners(experiment, game, name)]
 
 
-def _verdicts(experiment: Experiment, game: Game, name: str, parameters: Parameters) -> Verdicts:
-    reward = reward_of(experiment, name, game)
-    if reward is None:
-        return {}
-    planners: Mapping[str, Any] = game.judging_planners(experiment.algorithm.policy, reward)
-    return {of: _verdict(experiment, game, planner.plan(*parameters)) for of, planner in planners.items()}
+def assembled(
+    experiment: Experiment, final: Mapping[str, Parameters], told: Mapping[tuple[str, str], Verdict]
+) -> dict[str, Verdicts]:
+    """Give each learner its verdicts.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        What was learned.
+    final : Mapping[str, Parameters]
+        theta and omega by learner or method.
+    told : Mapping
+        Of whom ``asked_of`` names.
+
+    Returns
+    -------
+    dict[str, Verdicts]
+        By learner or method.
+    """
+    found = dict[bytes, dict[str, Verdict]]()
+    for (name, planner), of in told.items():
+        found.setdefault(numbers_of(experiment, name, final[name]), {})[planner] = of
+    return {name: found.get(numbers_of(experiment, name, parameters), {}) for name, parameters in final.items()}
 
 
-def _verdict(experiment: Experiment, game: Game, policy: Any) -> Verdict:
+def verdict(experiment: Experiment, game: Game, name: str, planner: str, parameters: Parameters) -> Verdict:
+    """One planner's verdict.
+
+    Parameters
+    ----------
+    experiment : Experiment
+        What was learned.
+    game : Game
+        Of the experiment.
+    name : str
+        Of the learner or method.
+    planner : str
+        Of the planner.
+    parameters : Parameters
+        theta and omega.
+
+    Returns
+    -------
+    Verdict
+        By the game's judge.
+    """
     judge, seed = game.judge, experiment.seed
+    policy = _planners(experiment, game, name)[planner].plan(*parameters)
     violation, success = judge.imitation(policy, seed) or (None, None)
     return Verdict(violation, success, judge.value(policy, seed), judge.certificate(policy, seed))
+
+
+def _planners(experiment: Experiment, game: Game, name: str) -> Mapping[str, Any]:
+    """Planners for judging a learner or method, by name; none where there are none."""
+    reward = reward_of(experiment, name, game)
+    planners: Mapping[str, Any] = {} if reward is None else game.judging_planners(experiment.algorithm.policy, reward)
+    return planners

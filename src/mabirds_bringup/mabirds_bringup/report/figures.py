@@ -16,10 +16,9 @@ from mabirds_bringup.report.delivery_figure import delivery, delivery_figure
 from mabirds_bringup.report.said import Said
 from mabirds_bringup.report.schedule_figure import schedule_figure
 from mabirds_core.consensus.schedule import DeliveredEdges
-from mabirds_core.experiment.assembly import build_game, evaluation_policy
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History
-from mabirds_core.games.whole_game import Learned
+from mabirds_core.games.whole_game import Game, Learned
 
 DOTS_PER_INCH = 110
 
@@ -29,10 +28,12 @@ MANY = 60
 """Judged points beyond which markers would hide the line."""
 
 
-def save_figures(experiment: Experiment, history: History, evaluation: Evaluation, directory: Path) -> dict[str, str]:
+def save_figures(
+    experiment: Experiment, game: Game, history: History, evaluation: Evaluation, directory: Path
+) -> dict[str, str]:
     """Write map.png, curves.png and schedule.png; returns their names with what they show."""
-    learned, threshold = learned_by(experiment, history, evaluation), experiment.constraint_threshold
-    picture = build_game(experiment).figure(learned, threshold, experiment.seed)
+    learned, threshold = learned_by(history, evaluation), experiment.constraint_threshold
+    picture = game.figure(learned, threshold, experiment.seed)
     figures = {
         "map.png": (picture, "What each learner takes for forbidden, and how experts would act by it."),
         "curves.png": (
@@ -58,15 +59,10 @@ def save_delivery(experiment: Experiment, edges: DeliveredEdges, told: Said, dir
     return {DELIVERED: "Who really heard whom: what became of each exchange of parameters, by iteration."}
 
 
-def learned_by(experiment: Experiment, history: History, evaluation: Evaluation) -> dict[str, Learned]:
+def learned_by(history: History, evaluation: Evaluation) -> dict[str, Learned]:
     """What each learner or method of ``history`` ended with."""
-    game = build_game(experiment)
     return {
-        name: Learned(
-            evaluation_policy(experiment, name, game)(parameters[-1]),
-            parameters[-1].omega,
-            evaluation.constraints[name].learned,
-        )
+        name: Learned(evaluation.policies[name], parameters[-1].omega, evaluation.constraints[name].learned)
         for name, parameters in history.items()
     }
 

@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from mabirds_msgs_py.node_main import SUPERVISOR
 from mabirds_msgs_py.security import enclave_arguments
+from mabirds_msgs_py.supervised import SUPERVISOR
 
 PLAYER = "expert_player"
 """Name of the player among the processes."""

@@ -7,16 +7,17 @@ import platform
 import shlex
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict, fields
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from itertools import chain, count
 from pathlib import Path
-from typing import Any
+from typing import Any, Self, TextIO
 
-from mabirds_bringup.evaluate.evaluation import Evaluation, LearnerMetrics
+from mabirds_bringup.evaluate.evaluation import Evaluation
+from mabirds_bringup.evaluate.policies import LearnerMetrics
 from mabirds_core.experiment.assembly import build_game
 from mabirds_core.experiment.file import Experiment
 
@@ -135,22 +136,54 @@ def write_metrics(directory: Path, evaluation: Evaluation) -> None:
             writer.writerow({**asdict(row), **distances})
 
 
-def write_judged(directory: Path, rows: Sequence[LearnerMetrics]) -> None:
-    """metrics.csv of an evaluation that was interrupted: what was judged until then."""
-    with (directory / METRICS).open("w", newline="", encoding="utf-8") as stream:
+class JudgedRows:
+    """Rows of metrics.csv as they are judged, so that they are kept whatever ends the judging; a context manager.
+
+    Nothing is written before the first row that is new.
+    """
+
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
+        self._stream: TextIO | None = None
+        self.known = {(row.learner, row.iteration): row for row in read_judged(directory)}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._stream:
+            self._stream.close()
+
+    def add(self, row: LearnerMetrics) -> None:
+        """Write a row down, unless it is known."""
+        if (row.learner, row.iteration) in self.known:
+            return
+        if self._stream is None:
+            self._stream = self._begun()
+        self.known[row.learner, row.iteration] = row
+        csv.DictWriter(self._stream, COLUMNS).writerow(asdict(row))
+        self._stream.flush()
+
+    def _begun(self) -> TextIO:
+        """The file with what was known, to be added to."""
+        unfinished = self._directory / f".{METRICS}.unfinished"
+        stream = unfinished.open("w", newline="", encoding="utf-8")
         writer = csv.DictWriter(stream, COLUMNS)
         writer.writeheader()
-        writer.writerows(asdict(row) for row in rows)
+        writer.writerows(map(asdict, self.known.values()))
+        stream.flush()
+        unfinished.replace(self._directory / METRICS)
+        return stream
 
 
 def read_judged(directory: Path) -> list[LearnerMetrics]:
-    """What metrics.csv says was judged; nothing where there is none, or one that was cut short."""
-    file = directory / METRICS
+    """What metrics.csv says was judged, up to where it was cut short; nothing where there is none."""
+    file, rows = directory / METRICS, list[LearnerMetrics]()
     if not file.exists():
-        return []
+        return rows
     with file.open(newline="", encoding="utf-8") as stream, suppress(KeyError, TypeError, ValueError):
-        return [_judged(row) for row in csv.DictReader(stream)]
-    return []
+        rows.extend(map(_judged, csv.DictReader(line for line in stream if line.endswith("\n"))))
+    return rows
 
 
 def _judged(row: Mapping[str, str]) -> LearnerMetrics:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mabirds_core.algorithm.parameters import Parameters
-from mabirds_core.arrays import Vector
+from mabirds_core.arrays import Array, Vector
 from mabirds_core.games.interface import TabularGame, Trajectories
 from mabirds_core.games.judging import ImitationMetrics
 from mabirds_core.planners.interface import TabularPolicy
@@ -82,7 +82,11 @@ def policy_distance(game: TabularGame, policies: Sequence[TabularPolicy]) -> flo
     float
         In [0, 1]; 0 for a single policy.
     """
-    occupancies = [occupancy_measure(game, policy) for policy in policies]
+    return largest_distance([occupancy_measure(game, policy) for policy in policies])
+
+
+def largest_distance(occupancies: Sequence[Array]) -> float:
+    """Largest total variation distance between two of them, in [0, 1]; 0 for a single one."""
     return max(
         (float(np.abs(a - b).sum() / 2) for i, a in enumerate(occupancies) for b in occupancies[:i]), default=0.0
     )

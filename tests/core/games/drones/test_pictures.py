@@ -162,7 +162,7 @@ def evaluation(drones: Experiment, history: History, streams: dict[str, list[Tra
 def test_a_run_of_drones_has_its_pictures(
     drones: Experiment, history: History, evaluation: Evaluation, tmp_path: Path
 ) -> None:
-    pictures = save_figures(drones, history, evaluation, tmp_path)
+    pictures = save_figures(drones, drone_game(drones), history, evaluation, tmp_path)
     assert list(pictures) == ["map.png", "curves.png", "schedule.png"]
     assert all((tmp_path / name).read_bytes().startswith(b"\x89PNG") for name in pictures)
 
@@ -170,7 +170,7 @@ def test_a_run_of_drones_has_its_pictures(
 def test_the_map_of_a_run_of_drones_shows_every_learner(
     drones: Experiment, history: History, evaluation: Evaluation
 ) -> None:
-    figure = drone_game(drones).figure(learned_by(drones, history, evaluation), 0.1, seed=0)
+    figure = drone_game(drones).figure(learned_by(history, evaluation), 0.1, seed=0)
     assert sum(bool(axis.images) for axis in figure.axes) == 2 * len(history)
     assert len({at[-1].omega.tobytes() for at in history.values()}) == len(history)
     plt.close(figure)

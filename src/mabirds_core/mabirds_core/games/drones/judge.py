@@ -1,7 +1,7 @@
 """The judge of drones: rollouts, each by its whole way."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from mabirds_core.games.drones.metrics import drone_imitation, place_visitation,
 from mabirds_core.games.drones.rollouts import DronePolicy, drone_rollouts
 from mabirds_core.games.interface import ShownFeatures, Trajectories
 from mabirds_core.games.judging import ImitationMetrics
+from mabirds_core.recent import Recent
 
 EVAL_ROLLOUTS = 500
 """Rollouts that judge a policy."""
@@ -23,12 +24,18 @@ MAX_EVAL_ITERATIONS = 13
 CERTIFIED = 16
 """Flights along which the value of a policy is checked."""
 
+KEPT = 8
+"""Living policies of which rollouts are kept."""
+
 
 @dataclass(frozen=True)
 class RolloutJudge:
     """Shares of rollouts of a policy."""
 
     game: DroneGame
+    _flights: Recent[dict[tuple[int, int], Trajectories]] = field(
+        default_factory=lambda: Recent(KEPT), compare=False, repr=False
+    )
     method: str = f"shares of {EVAL_ROLLOUTS} rollouts of the policy that theta and omega mean, found anew"
 
     def eval_iterations(self, count: int) -> list[int]:
@@ -36,7 +43,7 @@ class RolloutJudge:
         return sorted({round(n) for n in np.linspace(1, count, min(count, MAX_EVAL_ITERATIONS))})
 
     def rollouts(self, policy: DronePolicy, seed: int, count: int = EVAL_ROLLOUTS) -> Trajectories:
-        """Roll out a policy, alike for every learner and iteration but for what it decides.
+        """Roll out a policy, once, alike for every learner and iteration but for what it decides.
 
         Parameters
         ----------
@@ -52,7 +59,10 @@ class RolloutJudge:
         Trajectories
             From P_0.
         """
-        return drone_rollouts(self.game, policy, count, np.random.default_rng([seed, EVAL_ROLLOUTS]))
+        drawn = self._flights.get(policy, dict)
+        if (seed, count) not in drawn:
+            drawn[seed, count] = drone_rollouts(self.game, policy, count, np.random.default_rng([seed, EVAL_ROLLOUTS]))
+        return drawn[seed, count]
 
     def imitation(self, policy: DronePolicy, seed: int, rollouts: int | None = None) -> ImitationMetrics | None:
         """CVR and SR of a policy's rollouts; None where nobody knows what violates."""

@@ -45,7 +45,7 @@ class WholeDroneGame(DroneGame):
         """The arena from above."""
         return DroneScene(self)
 
-    @property
+    @cached_property
     def judge(self) -> RolloutJudge:
         """The judge of policies, by their rollouts."""
         return RolloutJudge(self)

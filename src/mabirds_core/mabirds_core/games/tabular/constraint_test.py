@@ -13,7 +13,9 @@ what the learned policy does, so that learners who agree on theta and omega agre
 p_k is a matter of policies alone: parameters that mean the same policies give the same p_k, which -omega does not.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Protocol, cast
 
 import numpy as np
@@ -65,7 +67,11 @@ class NeutralGame(TabularGame, Protocol):
 
 
 def constraint_confidences(
-    game: NeutralGame, reward: TabularRewardModel, parameters: Parameters, shown: ShownFeatures
+    game: NeutralGame,
+    reward: TabularRewardModel,
+    parameters: Parameters,
+    shown: ShownFeatures,
+    known: "KnownChances | None" = None,
 ) -> Vector:
     """Confidence that each cost feature is a constraint.
 
@@ -78,7 +84,9 @@ def constraint_confidences(
     parameters : Parameters
         theta and omega as learned.
     shown : ShownFeatures
-        By at least one demonstration.
+            By at least one demonstration.
+        known : KnownChances, optional
+        What was found before.
 
     Returns
     -------
@@ -86,22 +94,63 @@ def constraint_confidences(
         Shape (K,): in [0, 1], or USED.
     """
     learned = _learned(game, reward, parameters)
-    counts = learned.expected_counts()
-    expected = np.where(counts >= SELDOM, counts, 0.0)
-    weights = reward.weights(parameters.theta) if hasattr(reward, "weights") else np.zeros(len(expected))
+    weights = reward.weights(parameters.theta) if hasattr(reward, "weights") else np.zeros(0)
+    chances = (known or KnownChances()).of([*learned.numbers, *parameters, weights])
     confidences = np.full(len(shown.used), USED)
-    for feature in np.flatnonzero(~shown.used):
-        change = game.neutral_change(weights, parameters.omega, expected, int(feature))
-        unit = np.zeros(len(shown.used))
-        unit[feature] = 1.0
-        chance = 0.0 if change is None else learned.touch_probability(change, unit)
-        confidences[feature] = 1 - (1 - chance) ** shown.demonstrations
+    for feature in map(int, np.flatnonzero(~shown.used)):
+        if feature not in chances:
+            chances[feature] = _touch_chance(game, learned, weights, parameters.omega, feature)
+        confidences[feature] = 1 - (1 - chances[feature]) ** shown.demonstrations
     return confidences
+
+
+class KnownChances:
+    """p_k that were found for the newest learned reward: learners who agree on it share them."""
+
+    def __init__(self) -> None:
+        self._numbers: Sequence[Array] = ()
+        self._chances: dict[int, float] = {}
+
+    def of(self, numbers: Sequence[Array]) -> dict[int, float]:
+        """By feature, to be added to.
+
+        Parameters
+        ----------
+        numbers : Sequence
+            All that the chances depend on.
+
+        Returns
+        -------
+        dict[int, float]
+            Empty where the numbers are others than the newest.
+        """
+        same = len(numbers) == len(self._numbers) and all(
+            np.array_equal(mine, theirs) for mine, theirs in zip(self._numbers, numbers, strict=True)
+        )
+        if not same:
+            self._numbers, self._chances = numbers, {}
+        return self._chances
+
+
+def _touch_chance(game: NeutralGame, learned: "_Learned", weights: Vector, omega: Vector, feature: int) -> float:
+    """p_k of one feature."""
+    counts = learned.expected_counts
+    expected = np.where(counts >= SELDOM, counts, 0.0)
+    change = game.neutral_change(weights if weights.size else np.zeros(len(expected)), omega, expected, feature)
+    unit = np.zeros(len(omega))
+    unit[feature] = 1.0
+    return 0.0 if change is None else learned.touch_probability(change, unit)
 
 
 class _Learned(Protocol):
     """The learned reward, in one of two forms."""
 
+    @property
+    def numbers(self) -> Sequence[Array]:
+        """What it is made of."""
+        ...
+
+    @property
     def expected_counts(self) -> Vector:
         """E_pi sum gamma^t f of the reward features, shape (K_f,)."""
         ...
@@ -124,6 +173,11 @@ class _LearnedByExpert:
     game: FactoredGame
     reward: FactoredReward
 
+    @property
+    def numbers(self) -> Sequence[Array]:
+        return self.reward
+
+    @cached_property
     def expected_counts(self) -> Vector:
         policy = factored_policy(self.game, self.reward)
         return self.game.reward_features.total(policy.visitation(self.game.initial_distribution))
@@ -141,6 +195,11 @@ class _LearnedTable:
     game: TabularGame
     reward: Array
 
+    @property
+    def numbers(self) -> Sequence[Array]:
+        return (self.reward,)
+
+    @cached_property
     def expected_counts(self) -> Vector:
         occupancy = occupancy_measure(self.game, soft_bellman_policy(self.game, self.reward))
         return self.game.reward_features.total(pairs_of(discounted_steps(self.game) * occupancy))

@@ -4,6 +4,7 @@ A game that can list its joint states and actions (``interface.TabularGame``) in
 """
 
 from collections.abc import Mapping
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,7 @@ class EnumerableGame:
         """Every pair leads to its successor."""
         return Deterministic(lambda: self.successor)
 
-    @property
+    @cached_property
     def judge(self: NeutralGame) -> ExactJudge:
         """The judge of policies, by exact rates without sampling."""
         return ExactJudge(self)

@@ -1,17 +1,22 @@
 """The judge of enumerable games: probabilities, not samples."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from mabirds_core.algorithm.parameters import Parameters
-from mabirds_core.arrays import Vector
+from mabirds_core.arrays import Array, Vector
 from mabirds_core.games.interface import ShownFeatures, Trajectories
 from mabirds_core.games.judging import ImitationMetrics
-from mabirds_core.games.tabular.constraint_test import NeutralGame, constraint_confidences
+from mabirds_core.games.tabular.constraint_test import KnownChances, NeutralGame, constraint_confidences
 from mabirds_core.metrics.likelihood import log_likelihoods
-from mabirds_core.metrics.metrics import exact_imitation, policy_distance
+from mabirds_core.metrics.metrics import exact_imitation, largest_distance
 from mabirds_core.planners.interface import TabularPolicy
+from mabirds_core.planners.occupancy import occupancy_measure
+from mabirds_core.recent import Recent
 from mabirds_core.rewards.models import TabularRewardModel
+
+KEPT = 4
+"""Occupancy measures of living policies that are kept: the experts', and those of what learners ended with."""
 
 
 @dataclass(frozen=True)
@@ -19,6 +24,8 @@ class ExactJudge:
     """Follows the probability mass of a policy through time."""
 
     game: NeutralGame
+    _occupancies: Recent[Array] = field(default_factory=lambda: Recent(KEPT), compare=False, repr=False)
+    _chances: KnownChances = field(default_factory=KnownChances, compare=False, repr=False)
     method: str = "exact: by following the policy's probability mass, not by sampling"
 
     def eval_iterations(self, count: int) -> list[int]:
@@ -33,7 +40,11 @@ class ExactJudge:
 
     def distance(self, policies: Sequence[TabularPolicy], seed: int, rollouts: int | None = None) -> float:  # noqa: ARG002 - nothing is drawn
         """Distance of the policies' occupancy measures."""
-        return policy_distance(self.game, policies)
+        return largest_distance([self.occupancy(policy) for policy in policies])
+
+    def occupancy(self, policy: TabularPolicy) -> Array:
+        """rho(s, a) of a policy, shape (S, A), found once."""
+        return self._occupancies.get(policy, lambda: occupancy_measure(self.game, policy))
 
     def distance_to(self, policy: TabularPolicy, demonstrations: Trajectories, seed: int) -> None:
         """None: the experts' policy is at hand."""
@@ -56,4 +67,4 @@ class ExactJudge:
         self, reward: TabularRewardModel, parameters: Parameters, shown: ShownFeatures
     ) -> Vector:
         """By the counterfactual test."""
-        return constraint_confidences(self.game, reward, parameters, shown)
+        return constraint_confidences(self.game, reward, parameters, shown, self._chances)

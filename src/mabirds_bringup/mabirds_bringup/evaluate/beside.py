@@ -1,0 +1,139 @@
+"""The judging process of a run: it judges rows while learners go on, and writes the results once they have ended.
+
+    python -m mabirds_bringup.evaluate.beside RUN_DIRECTORY
+
+``mabirds run`` starts it (``run/judging.py``). What is still to be judged waits in files of the run: it needs no more
+memory however far behind it is. One line on standard input, the arguments of ``report_on`` as JSON, says that the
+learning has ended; the summary is then printed as JSON. It ends with who started it, or with its input.
+"""
+
+import json
+import os
+import select
+import sys
+import threading
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from itertools import takewhile
+from pathlib import Path
+
+import mabirds_bringup.report.figures  # noqa: F401 - takes a second to load, which is over when results are asked for
+from mabirds_bringup.commands.demonstrations import demonstrations_at_hand
+from mabirds_bringup.commands.report import Ready, report_on
+from mabirds_bringup.console import guarded_output, print_json
+from mabirds_bringup.evaluate.evaluation import judge_finals
+from mabirds_bringup.evaluate.policies import PolicyJudge, Task
+from mabirds_bringup.run.run_directory import JudgedRows
+from mabirds_bringup.run.stored_run import StoredRun, load_run
+from mabirds_core.errors import MabirdsError
+from mabirds_learner.parameters_log import ParametersLog
+from mabirds_msgs_py.supervised import end_with_supervisor
+
+LOW = 19
+"""Niceness of the thread that judges: all others go before it."""
+
+PERIOD = 0.05
+"""Seconds between two looks at what was learned."""
+
+EXIT_FAILED = 2
+"""It could not judge; who started it then does, and meets what was wrong."""
+
+
+class Beside(threading.Thread):
+    """Judges what is learned, as far as nobody else needs the processor.
+
+    Parameters
+    ----------
+    stored : StoredRun
+        The run.
+    """
+
+    def __init__(self, stored: StoredRun) -> None:
+        super().__init__(daemon=True)
+        self._stored, self._ended = stored, threading.Event()
+        self.ready: Ready | None = None
+
+    def run(self) -> None:
+        """Judge until all is judged, or until the end. What goes wrong is told by who writes the results."""
+        _set_niceness(self.native_id, LOW)
+        with suppress(MabirdsError, OSError), self._stored.open_history() as kept:
+            judge = PolicyJudge(self._stored.experiment)
+            judge.prepare()
+            self.ready = Ready(judge, demonstrations_at_hand(self._stored.experiment, self._stored.plan.bags))
+            with JudgedRows(self._stored.directory) as rows:
+                self._judge_rows(judge, kept.parameters, rows)
+
+    def _judge_rows(self, judge: PolicyJudge, parameters: Mapping[str, ParametersLog], rows: JudgedRows) -> None:
+        iterations = judge.game.judge.eval_iterations(self._stored.last)
+        waiting = [(n, name) for n in iterations for name in parameters if (name, n) not in rows.known]
+        while waiting and not self._ended.is_set():
+            if (found := _due(waiting, parameters)) is None:
+                self._ended.wait(PERIOD)
+                continue
+            waiting.remove(found)
+            n, name = found
+            rows.add(judge.row(Task(name, n, parameters[name][n])))
+
+    def end(self) -> Ready | None:
+        """Judge no more, and hand over what is ready."""
+        self._ended.set()
+        _set_niceness(self.native_id, 0)  # somebody waits for it
+        self.join()
+        return self.ready
+
+
+def _due(waiting: Sequence[tuple[int, str]], parameters: Mapping[str, ParametersLog]) -> tuple[int, str] | None:
+    """The first that is learned by now."""
+    for log in parameters.values():
+        log.look_again()
+    newest = max(log.newest for log in parameters.values())
+    reached = takewhile(lambda task: task[0] <= newest, waiting)
+    return next(((n, name) for n, name in reached if n in parameters[name]), None)
+
+
+def _set_niceness(thread: int | None, niceness: int) -> None:
+    """Of one thread, which Linux can; back to 0 only where that is allowed."""
+    if sys.platform == "linux" and thread is not None:
+        with suppress(OSError):
+            os.setpriority(os.PRIO_PROCESS, thread, niceness)
+
+
+def anticipate(stored: StoredRun, ready: Ready | None) -> None:
+    """Judge the last parameters while the processes of the run are stopped.
+
+    Parameters
+    ----------
+    stored : StoredRun
+        All of which is learned.
+    ready : Ready or None
+        None where it could not be made.
+    """
+    with stored.open_history() as kept:
+        if ready and all(stored.last in log for log in kept.parameters.values()):
+            judge_finals(
+                ready.judge, {name: log[stored.last] for name, log in kept.parameters.items()}, ready.demonstrations
+            )
+
+
+def main(directory: Path) -> int:
+    """Judge until a line comes, then write the results; the exit code."""
+    end_with_supervisor()
+    with guarded_output() as stdout:
+        try:
+            stored = load_run(directory)
+            beside = Beside(stored)
+            beside.start()
+            while beside.is_alive() and not select.select([sys.stdin], [], [], PERIOD)[0]:
+                pass
+            if not beside.is_alive():
+                anticipate(stored, beside.ready)
+            if not (request := sys.stdin.readline()):
+                return EXIT_FAILED  # nobody wants results
+            print_json(report_on(stored, **json.loads(request), ready=beside.end()), stdout)
+        except MabirdsError:
+            return EXIT_FAILED
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(Path(sys.argv[1])))
