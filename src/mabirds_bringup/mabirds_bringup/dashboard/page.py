@@ -27,7 +27,7 @@ STYLE = """
 .card, .maps, .top, .nicegui-content { max-width: calc(100vw - 1.5rem); min-width: 0; }
 .nicegui-content { padding: .75rem; }
 .map { width: min(270px, 84vw); } .map svg, .graph svg { width: 100%; height: auto; border: 1px solid #bbb; }
-.graph svg { border: 0; } .graph { width: min(320px, 84vw); } .curve { width: min(380px, 84vw); height: 250px; }
+.graph svg { border: 0; } .graph { width: min(320px, 84vw); } .curve { width: min(370px, 84vw); height: 250px; }
 .table { overflow-x: auto; max-width: 100%; display: block; }
 td, th { padding: .15rem .6rem; text-align: right; white-space: nowrap; }
 td:first-child, th:first-child { text-align: left; } body { background: #f5f5f5; }
