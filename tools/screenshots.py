@@ -84,9 +84,9 @@ def main() -> None:
         (folder / "logs").mkdir()
         run = [*MABIRDS, "run", str(PATROL), "--hz", "1", "--out", str(folder / "runs")]
         page = [*MABIRDS, "dashboard", str(PATROL), "--port", str(port), "--key", "key"]
+        draw = [*MABIRDS, "draw", str(PATROL), "--demonstrations"]
         processes = [
-            start(name, command, folder / "logs")
-            for name, command in (("page", page), ("draw", [*MABIRDS, "draw", str(PATROL)]), ("run", run))
+            start(name, command, folder / "logs") for name, command in (("page", page), ("draw", draw), ("run", run))
         ]
         try:
             with sync_playwright() as playwright:
@@ -95,8 +95,10 @@ def main() -> None:
                 time.sleep(12)  # some of it is learned
                 take(browser, address, "dashboard.png", 1280, wait="[data-testid=map-learner_2-2] svg")
                 inspect_picture()
-                processes[-1].popen.wait(timeout=120)
-                take(browser, f"file://{(folder / 'runs' / 'latest').resolve()}/report.html", "report.png", 1000)
+                processes[-1].popen.wait(timeout=300)
+                latest = (folder / "runs" / "latest").resolve()
+                take(browser, f"file://{latest}/report.html", "report.png", 1000)
+                shutil.copy(latest / "delivered.png", IMAGES / "delivered.png")
                 subprocess.run([*MABIRDS, "picture", str(IMAGES / "drawn.png")], check=True)
                 browser.close()
         finally:

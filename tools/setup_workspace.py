@@ -47,6 +47,7 @@ USER_CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
 WHEEL_CACHE = Path(os.environ.get("MABIRDS_CACHE") or USER_CACHE / "mabirds" / "wheels").absolute()
 GIGABYTES_NEEDED = 2
 LOOK, NEWS = 0.5, 10.0  # seconds between two looks at a command, and between two lines where there is no terminal
+TOLD = 0.1  # share of a step that must be done before its pace is believed
 USUAL = {1: 1.0, 2: 8.0, 3: 140.0, 4: 60.0, 5: 15.0}  # seconds of each step, on two cores where nothing is there yet
 EXIT_MISSING, EXIT_FAILED, EXIT_INTERRUPTED = 3, 4, 130
 MACHINE = (str(sys.implementation.cache_tag), sysconfig.get_platform(), *platform.libc_ver())
@@ -189,7 +190,7 @@ def progress_words(now: float, seen: Sequence[tuple[float, float]] = ()) -> str:
     """
     number, begun = list(BEGUN.items())[-1]
     left = USUAL[number] - (now - begun)
-    if seen and seen[-1][1] > seen[0][1]:
+    if seen and seen[-1][1] - seen[0][1] >= TOLD:
         (first, share), (last, done) = seen[0], seen[-1]
         left = (1 - done) * (last - first) / (done - share)
     later = sum(seconds for other, seconds in USUAL.items() if other > number)

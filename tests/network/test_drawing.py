@@ -162,7 +162,7 @@ def test_drawings_of_a_process_become_a_picture(
     try:
         nodes.spin_until(lambda: all(learner.session.finished for learner in learners))
         picture = subprocess.Popen([*mabirds, "picture", str(tmp_path / "drawn.png")], stderr=subprocess.DEVNULL)
-        nodes.spin_until(lambda: picture.poll() is not None, 40.0)
+        nodes.spin_until(lambda: picture.poll() is not None, 120.0)
         assert picture.returncode == 0
         height, width = plt.imread(tmp_path / "drawn.png").shape[:2]
         assert min(height, width) > 400

@@ -68,6 +68,8 @@ def test_what_is_left_is_told_by_the_pace_once_there_is_one(setup: ModuleType, m
         begun = setup.BEGUN[3]
         seen = [(begun + 200.0, 0.25), (begun + 260.0, 0.5)]
         assert setup.progress_words(begun + 260.0, seen) == "260 s, about 3 min left"  # 2 of this step, 1 of the next
+        early = [(begun + 20.0, 0.0), (begun + 30.0, 0.01)]
+        assert setup.progress_words(begun + 30.0, early) == "30 s, about 3 min left"
         assert setup.progress_words(begun + 260.0, seen[:1]) == "260 s, longer than usual"
 
 

@@ -26,8 +26,8 @@ STYLE = """
 .card { border: 1px solid #ddd; border-radius: 6px; padding: .7rem; background: white; box-sizing: border-box; }
 .card, .maps, .top, .nicegui-content { max-width: calc(100vw - 1.5rem); min-width: 0; }
 .nicegui-content { padding: .75rem; }
-.map { width: min(300px, 84vw); } .map svg, .graph svg { width: 100%; height: auto; border: 1px solid #bbb; }
-.graph svg { border: 0; } .graph { width: min(320px, 84vw); } .curve { width: min(420px, 84vw); height: 240px; }
+.map { width: min(270px, 84vw); } .map svg, .graph svg { width: 100%; height: auto; border: 1px solid #bbb; }
+.graph svg { border: 0; } .graph { width: min(320px, 84vw); } .curve { width: min(370px, 84vw); height: 250px; }
 .table { overflow-x: auto; max-width: 100%; display: block; }
 td, th { padding: .15rem .6rem; text-align: right; white-space: nowrap; }
 td:first-child, th:first-child { text-align: left; } body { background: #f5f5f5; }
@@ -118,8 +118,8 @@ class _Page:
             options = {
                 "title": {"text": words, "textStyle": {"fontSize": 11}},
                 "tooltip": {"trigger": "axis"},
-                "legend": {"top": 22},
-                "grid": {"left": 60, "right": 15, "top": 55, "bottom": 35},
+                "legend": {"top": 27},
+                "grid": {"left": 60, "right": 15, "top": 62, "bottom": 35},
                 "xAxis": {"name": "iteration", "nameLocation": "middle", "nameGap": 22, "min": "dataMin"},
                 "yAxis": {"type": kind, "scale": True},
                 "series": [],
