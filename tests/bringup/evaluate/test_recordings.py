@@ -17,6 +17,26 @@ def mabirds(*words: object) -> None:
     get_command(app)([*map(str, words)], standalone_mode=False)
 
 
+def test_recordings_become_patrols_that_are_learned_tuned_and_judged(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    robots_bag(tmp_path / "recording", count=12)
+    rules = {**RULES, "held_out": 0.4, "game": {"kind": "patrol"}, "learners": {"count": 2, "passes": 4}}
+    (tmp_path / "rules.yaml").write_text(yaml.safe_dump(rules))
+    mabirds("import", "recording", "--rules", "rules.yaml", "--out", "mine")
+    mabirds("tune", "mine/experiment.yaml", "--folds", 2, "--out", "mine/tuned.yaml")
+    mabirds("simulate", "mine/tuned.yaml")
+    capfd.readouterr()
+    mabirds("evaluate", "runs/latest", "--bag", "mine/held_out", "--samples", 5, "--json")
+    rows = json.loads(capfd.readouterr().out)["rows"]
+    baselines = ("uniform", "counting", "constant velocity", "straight to the goal", "maximum entropy, goals told")
+    nats = {name: rows[name]["nats"]["mean"] for name in (LEARNERS, *baselines)}
+    assert nats["uniform"] == pytest.approx(0.0, abs=1e-9)
+    assert nats[LEARNERS] > max(nats["maximum entropy, goals told"], nats["constant velocity"])
+    assert rows[SHOWN]["conflicts"] == {"sharing": 0.0, "swapping": 0.0}
+
+
 def test_intervals_are_those_of_means() -> None:
     values = np.random.default_rng(0).normal(3.0, 2.0, 400)
     mean, low, high = estimate(values, seed=1)

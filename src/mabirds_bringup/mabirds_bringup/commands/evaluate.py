@@ -87,7 +87,7 @@ def forecasts_table(rows: dict[str, Row], demonstrations: int, samples: int) -> 
     table = Table(title=title, caption="nats: by which a step is likelier than under the uniform policy")
     conflicts = list(next(iter(rows.values())).conflicts)
     for column in ("", "nats a step", "ADE [m]", f"best of {samples}", "FDE [m]", f"best of {samples}", *conflicts):
-        table.add_column(column)
+        table.add_column(column, min_width=12 if not column else None)
     for name, row in rows.items():
         cells = ["" if value is None else str(value).replace(" ", "\n", 1) for value in row[:5]]
         table.add_row(name, *cells, *(f"{row.conflicts[what]:.3f}" for what in conflicts))

@@ -175,7 +175,7 @@ def _fitted(episode: Episode, game: Any, rules: ImportRules) -> tuple[Demonstrat
         return result, "begins outside the area"
     if _steps(episode, time_step) > game.horizon and not fit.arrived[-1].all():
         return result, f"longer than the horizon of {game.horizon} steps"
-    limit = rules.limits.residual or game.settings.max_speed * time_step / 2
+    limit = rules.limits.residual or game.residual_limit
     if residuals.max(initial=0.0) > limit:
         return result, f"further than {limit:.3g} m from any trajectory of the game (speed, walls)"
     unknown = fit_ends_unknown(episode, fit.arrived, time_step)

@@ -26,6 +26,12 @@ class Goal(NamedTuple):
     radius: float
     until: tuple[float, float] | None
 
+    def distances(self, places: Array) -> Vector:
+        """Of places (M, 2) to its centre, or to the segment of a door, shape (M,) [m]."""
+        way = np.subtract(self.until or self.centre, self.centre)
+        along = ((places - self.centre) @ way) / max(float(way @ way), 1e-12)
+        return np.asarray(np.hypot(*(places - self.centre - np.clip(along, 0.0, 1.0)[:, None] * way).T))
+
 
 class Observed(NamedTuple):
     """What recordings tell of a game; places are counted from the lower left corner of the area.
@@ -74,6 +80,11 @@ class Fit(NamedTuple):
 
 class FitsRecordings(Protocol):
     """A game that recordings of places can be imported to."""
+
+    @property
+    def residual_limit(self) -> float:
+        """How far samples may be from a trajectory, where rules do not say [m]."""
+        ...
 
     def fit_places(self, places: Array) -> Fit:
         """The trajectory that follows places recorded at the steps 0 .. T + 1, shape (T + 2, N_E, 2) [m]."""

@@ -110,6 +110,11 @@ class WholeDroneGame(DroneGame):
 
         return Pilots(self, side)
 
+    @property
+    def residual_limit(self) -> float:
+        """Half of what a drone flies in a step."""
+        return self.dynamics.reach / 2
+
     def fit_places(self, places: Array) -> Fit:
         """The flight that follows recorded places."""
         return fit_places(self, places)

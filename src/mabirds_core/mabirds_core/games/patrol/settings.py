@@ -65,6 +65,8 @@ class PatrolSettings(Settings):
         "map", description="map: obstacles, sharing and swapping are forbidden; unknown: nobody can say what is"
     )
 
+    cell: float | None = Field(None, gt=0, le=1000, description="side of a cell, of recordings [m]")
+    time_step: float | None = Field(None, gt=0, le=86_400, description="of a step, of recordings [s]")
     costs: dict[Name, str] = Field(
         default_factory=dict, max_length=MAX_COSTS, description="cost features of your own: expressions by name"
     )

@@ -4,9 +4,13 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import Any
 
+from mabirds_core.arrays import Array
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.games.patrol.game import PatrolGame
+from mabirds_core.games.patrol.held_out import HeldOutPatrols
+from mabirds_core.games.patrol.recorded import fit_places
 from mabirds_core.games.patrol.scene import PatrolScene
+from mabirds_core.games.recordings import Fit
 from mabirds_core.games.whole_game import Learned
 
 
@@ -17,6 +21,20 @@ class WholePatrolGame(PatrolGame):
     def scene(self) -> PatrolScene:
         """The map from above."""
         return PatrolScene(self)
+
+    def fit_places(self, places: Array) -> Fit:
+        """The patrol that follows recorded places."""
+        return fit_places(self, places)
+
+    @property
+    def residual_limit(self) -> float:
+        """A cell: its corners are .7 of it from its middle."""
+        return self.settings.cell or 0.0
+
+    @property
+    def held_out_judge(self) -> HeldOutPatrols:
+        """Who compares policies with patrols that nobody learned from."""
+        return HeldOutPatrols(self)
 
     def figure(self, learned: Mapping[str, Learned], threshold: float, seed: int) -> Any:  # noqa: ARG002
         """A map of each expert for each name: visits, and what counts as forbidden."""
