@@ -119,7 +119,9 @@ class Learner:
         (estimate, memory), n = self.local_gradient(state, demonstration), state.iteration
         step, rule = self.steps.step(state.rule, estimate, n)
         mixed = self.mixer.mix(self.mixer.incoming(state.mixing, n, incoming), n, partial(descend, step=step, n=n))
-        return StepResult(LearnerState(n + 1, mixed, memory, rule, estimate.policy), estimate)
+        # Kept only by planners that start from it, as after a restart: two policies at once are most of the memory.
+        previous = estimate.policy if self.estimator.planner.state_dict(estimate.policy) else None
+        return StepResult(LearnerState(n + 1, mixed, memory, rule, previous), estimate)
 
     def local_gradient(self, state: LearnerState, demonstration: Trajectories) -> LocalGradient:
         """Steps 1 to 3, the part of an iteration that needs nobody else.

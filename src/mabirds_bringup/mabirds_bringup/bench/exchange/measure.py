@@ -55,6 +55,7 @@ class Watch:
     """The statuses of all learners, unread until the end, and the processes' times."""
 
     readings: list[Reading] = field(default_factory=list)
+    peak_megabytes: float = 0.0
     raw: dict[str, list[bytes]] = field(default_factory=dict)
 
     def listen(self, node: Node, names: Sequence[str]) -> None:
@@ -87,6 +88,12 @@ def processor_seconds(process: int) -> float:
     return time.clock_gettime((~process << 3) | CPUCLOCK_SCHED)
 
 
+def peak_megabytes(process: int) -> float:
+    """The most memory that a process ever had, by its number, as Linux says."""
+    lines = Path(f"/proc/{process}/status").read_text(encoding="ascii", errors="replace").splitlines()
+    return next(1024 * int(line.split()[1]) / 1e6 for line in lines if line.startswith("VmHWM"))
+
+
 Command = Callable[[str], list[str]]
 
 
@@ -107,7 +114,8 @@ def measure(file: Path, command: Command, directory: Path, method: str = "") -> 
     Returns
     -------
     dict[str, float]
-        rate: iterations a second; processor_milliseconds: a learner's for an iteration; p50 and p99: milliseconds.
+        rate: iterations a second; processor_milliseconds: a learner's for an iteration; p50 and p99: milliseconds;
+        peak_megabytes: the most that a learner's process ever had.
     """
     experiment, watch, context = load_experiment(file), Watch(), Context()
     directory.mkdir(parents=True, exist_ok=True)
@@ -143,6 +151,7 @@ def _watch(watch: Watch, executor: SingleThreadedExecutor, children: list[NodePr
         deadline = time.monotonic() + PATIENCE if reached > before else deadline
         if time.monotonic() > deadline:
             raise ProcessDiedError(f"no iteration after {reached} within {PATIENCE:g} s")
+    watch.peak_megabytes = max(map(peak_megabytes, running))
 
 
 def figures(watch: Watch, experiment: Experiment) -> dict[str, float]:
@@ -174,6 +183,7 @@ def figures(watch: Watch, experiment: Experiment) -> dict[str, float]:
         "p50": float(np.percentile(times, 50)),
         "p99": float(np.percentile(times, 99)),
         "statuses_an_iteration": statuses,
+        "peak_megabytes": watch.peak_megabytes,
     }
 
 
