@@ -71,6 +71,7 @@ def test_figures_by_hand() -> None:
             "p99": 10.0,
             "statuses_an_iteration": 2.2,
             "peak_megabytes": 93.0,
+            "processor_seconds": 1.066,
         }
     )
 

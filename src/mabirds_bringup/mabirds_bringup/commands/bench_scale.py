@@ -10,7 +10,7 @@ from mabirds_bringup.console import guarded_output, print_json, progress_bar, te
 
 def scale(
     small: Annotated[bool, typer.Option("--small", help="Small games and four learners: half a minute.")] = False,
-    iterations: Annotated[int, typer.Option(help="Of each network.", min=20)] = 100,
+    iterations: Annotated[int, typer.Option(help="Of each network.", min=20)] = 200,
     repetitions: Annotated[int, typer.Option(help="Of each size, in turns; intervals need two.", min=1)] = 3,
     as_json: Json = False,
 ) -> None:

@@ -89,7 +89,7 @@ def processor_seconds(process: int) -> float:
 
 
 def peak_megabytes(process: int) -> float:
-    """The most memory that a process ever had, by its number, as Linux says."""
+    """The most memory that a process ever had since it began its program, by its number, as Linux says."""
     lines = Path(f"/proc/{process}/status").read_text(encoding="ascii", errors="replace").splitlines()
     return next(1024 * int(line.split()[1]) / 1e6 for line in lines if line.startswith("VmHWM"))
 
@@ -115,7 +115,7 @@ def measure(file: Path, command: Command, directory: Path, method: str = "") -> 
     -------
     dict[str, float]
         rate: iterations a second; processor_milliseconds: a learner's for an iteration; p50 and p99: milliseconds;
-        peak_megabytes: the most that a learner's process ever had.
+        peak_megabytes: the most that a learner's process ever had; processor_seconds: of all learners, starts included.
     """
     experiment, watch, context = load_experiment(file), Watch(), Context()
     directory.mkdir(parents=True, exist_ok=True)
@@ -173,7 +173,7 @@ def figures(watch: Watch, experiment: Experiment) -> dict[str, float]:
     counted = [reading for reading in watch.readings if first <= reading.iteration <= experiment.iterations]
     if len({reading.iteration for reading in counted}) < 2:
         counted = watch.readings
-    begin, end = counted[0], counted[-1]
+    begin, end, end_of_all = counted[0], counted[-1], watch.readings[-1]
     seconds, done = end.seconds - begin.seconds, (end.iteration - begin.iteration) * len(watch.raw)
     times = watch.milliseconds(next(iter(watch.raw)), first)
     statuses = sum(map(len, watch.raw.values())) / (len(watch.raw) * experiment.iterations)
@@ -184,6 +184,7 @@ def figures(watch: Watch, experiment: Experiment) -> dict[str, float]:
         "p99": float(np.percentile(times, 99)),
         "statuses_an_iteration": statuses,
         "peak_megabytes": watch.peak_megabytes,
+        "processor_seconds": end_of_all.seconds,
     }
 
 
