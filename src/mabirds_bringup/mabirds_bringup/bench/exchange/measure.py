@@ -44,10 +44,11 @@ WARM = 0.2
 
 
 class Reading(NamedTuple):
-    """What was seen at one look: the newest iteration of the slowest learner, and processor seconds of all."""
+    """What was seen at one look: the slowest learner's newest iteration, processor seconds of all and of the player."""
 
     iteration: int
     seconds: float
+    player: float = 0.0
 
 
 @dataclass
@@ -66,11 +67,11 @@ class Watch:
                 LearnerStatus, f"/{name}/{topics.STATUS}", self.raw[name].append, latched(DEPTH), raw=True
             )
 
-    def look(self, running: Sequence[int]) -> int:
-        """Read the newest status of each; returns the iteration of the slowest."""
+    def look(self, running: Sequence[int], player: int) -> int:
+        """Read the newest status of each; returns the iteration of the slowest. ``player``: its process."""
         newest = [deserialize_message(raw[-1], LearnerStatus).iteration for raw in self.raw.values() if raw]
         slowest = min(newest, default=0) if len(newest) == len(self.raw) else 0
-        self.readings.append(Reading(slowest, sum(map(processor_seconds, running))))
+        self.readings.append(Reading(slowest, sum(map(processor_seconds, running)), processor_seconds(player)))
         return slowest
 
     def milliseconds(self, name: str, first: int) -> np.ndarray[Any, Any]:
@@ -114,7 +115,8 @@ def measure(file: Path, command: Command, directory: Path, method: str = "") -> 
     Returns
     -------
     dict[str, float]
-        rate: iterations a second; processor_milliseconds: a learner's for an iteration; p50 and p99: milliseconds;
+        rate: iterations a second; processor_milliseconds: a learner's for an iteration; player_milliseconds: the
+        player's, for the demonstrations of all; p50 and p99: milliseconds;
         peak_megabytes: the most that a learner's process ever had; processor_seconds: of all learners, starts included.
     """
     experiment, watch, context = load_experiment(file), Watch(), Context()
@@ -147,7 +149,7 @@ def _watch(watch: Watch, executor: SingleThreadedExecutor, children: list[NodePr
         for child in children[:-1]:
             if child.exit_code is not None:
                 raise ProcessDiedError(f"{child.name} ended: {processes.last_lines(child.log)}")
-        reached = watch.look(running)
+        reached = watch.look(running, children[-1].popen.pid)
         deadline = time.monotonic() + PATIENCE if reached > before else deadline
         if time.monotonic() > deadline:
             raise ProcessDiedError(f"no iteration after {reached} within {PATIENCE:g} s")
@@ -180,6 +182,7 @@ def figures(watch: Watch, experiment: Experiment) -> dict[str, float]:
     return {
         "rate": float(1e3 / times.mean()),
         "processor_milliseconds": 1e3 * seconds / done,
+        "player_milliseconds": 1e3 * (end.player - begin.player) / (end.iteration - begin.iteration),
         "p50": float(np.percentile(times, 50)),
         "p99": float(np.percentile(times, 99)),
         "statuses_an_iteration": statuses,
