@@ -60,10 +60,20 @@ def test_figures_by_hand() -> None:
             status = LearnerStatus(iteration=iteration)
             status.stamp.nanosec = 10_000_000 * iteration
             watch.raw[name] += 2 * [serialize_message(status)]
-    watch.readings = [Reading(n, 1.0 + 0.006 * n) for n in range(12)]
+    watch.readings = [Reading(n, 1.0 + 0.006 * n, 0.5 + 0.001 * n) for n in range(12)]
+    watch.peak_megabytes = 93.0
     found = figures(watch, experiment)
     assert found == pytest.approx(
-        {"rate": 100.0, "processor_milliseconds": 3.0, "p50": 10.0, "p99": 10.0, "statuses_an_iteration": 2.2}
+        {
+            "rate": 100.0,
+            "processor_milliseconds": 3.0,
+            "p50": 10.0,
+            "p99": 10.0,
+            "statuses_an_iteration": 2.2,
+            "peak_megabytes": 93.0,
+            "processor_seconds": 1.066,
+            "player_milliseconds": 1.0,
+        }
     )
 
 

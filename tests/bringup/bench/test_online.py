@@ -5,12 +5,17 @@ from pathlib import Path
 import pytest
 import yaml
 
-from mabirds_bringup.bench.online.compare import METHODS, compare, targets
+from mabirds_bringup.bench.online.compare import METHODS, bound, compare, targets
 
 
 def test_targets() -> None:
     found = targets({"one": {"times_of_rival": 1.1}, "other": {"times_of_rival": 0.9}})
     assert [(target["met"], target["at_most"]) for target in found] == [(True, False), (False, False)]
+
+
+def test_the_bound_is_the_rate_at_which_all_processors_are_busy(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("mabirds_bringup.bench.online.compare.processors", lambda: 2)
+    assert bound({"processor_milliseconds": 3.0, "player_milliseconds": 2.0}, 2) == 250.0
 
 
 @pytest.mark.timeout(180)

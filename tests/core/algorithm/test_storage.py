@@ -1,5 +1,6 @@
 """A learner's state as arrays and back: with every step rule and memory the next iterations are the same to the bit."""
 
+import tracemalloc
 from typing import Any
 
 import numpy as np
@@ -121,3 +122,16 @@ def test_a_missing_array_is_refused(name: str) -> None:
     del arrays[name]
     with pytest.raises(CheckpointError, match="expected arrays"):
         from_arrays(learner, 3, arrays)
+
+
+def test_only_one_policy_is_in_memory() -> None:
+    """A planner that starts from nothing needs no policy of the iteration before."""
+    settings = experiment({**DEFAULT, "algorithm": {}, "game.map": "\n".join(["." * 8] * 8), "game.horizon": 40})
+    learner, (shown, *_) = build_learner(settings, "ann"), demonstrations(settings)["ann"]
+    state = learner.step(learner.initial_state(), shown, {}).state  # makes what is made once
+    tracemalloc.start()
+    for _ in range(2):
+        state = learner.step(state, shown, {}).state
+    kept, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert kept < 0.2 * peak

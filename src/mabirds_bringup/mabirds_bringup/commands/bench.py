@@ -13,6 +13,7 @@ from mabirds_bringup.commands.bench_behaviour import behaviour
 from mabirds_bringup.commands.bench_exchange import exchange
 from mabirds_bringup.commands.bench_online import online
 from mabirds_bringup.commands.bench_pedestrians import pedestrians
+from mabirds_bringup.commands.bench_scale import scale
 from mabirds_bringup.commands.bench_solve import solve
 from mabirds_bringup.commands.bench_start import start
 from mabirds_bringup.commands.bench_theory import theory
@@ -90,5 +91,6 @@ bench_app.command()(solve)
 bench_app.command()(exchange)
 bench_app.command()(start)
 bench_app.command()(online)
+bench_app.command()(scale)
 bench_app.command()(theory)
 bench_app.command()(pedestrians)

@@ -121,7 +121,9 @@ class Learner:
         step, rule = self.steps.step(state.rule, estimate, n)
         step = self._told(step, state.memory, memory)
         mixed = self.mixer.mix(self.mixer.incoming(state.mixing, n, incoming), n, partial(descend, step=step, n=n))
-        return StepResult(LearnerState(n + 1, mixed, memory, rule, estimate.policy), estimate)
+        # Kept only by planners that start from it, as after a restart: two policies at once are most of the memory.
+        previous = estimate.policy if self.estimator.planner.state_dict(estimate.policy) else None
+        return StepResult(LearnerState(n + 1, mixed, memory, rule, previous), estimate)
 
     def local_gradient(self, state: LearnerState, demonstration: Trajectories) -> LocalGradient:
         """Steps 1 to 3, the part of an iteration that needs nobody else.

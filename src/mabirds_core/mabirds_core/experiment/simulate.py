@@ -169,6 +169,11 @@ class _Part(Protocol):
         """The state before update n."""
         ...
 
+    @property
+    def policy(self) -> Policy:
+        """That of the newest update."""
+        ...
+
     def outgoing(self) -> Mapping[str, Any]:
         """What it sends at iteration n, by receiver."""
         ...
@@ -184,6 +189,7 @@ class _LearnerPart:
     stream: Sequence[Trajectories]
     iterations: int
     state: LearnerState
+    policy: Policy = None
 
     def outgoing(self) -> Mapping[str, Any]:
         return self.learner.mixer.outgoing(self.state.mixing, self.state.iteration)
@@ -193,7 +199,9 @@ class _LearnerPart:
         if n > self.iterations:
             self.state = self.learner.consensus_step(self.state, incoming)
             return None
-        self.state = self.learner.step(self.state, self.stream[n - 1], incoming).state
+        self.policy = None  # before the next one is found
+        self.state, estimate = self.learner.step(self.state, self.stream[n - 1], incoming)
+        self.policy = estimate.policy
         return Cost(n, n)
 
 
@@ -202,6 +210,10 @@ class _CentralPart:
     method: CentralMethod
     streams: Sequence[Sequence[Trajectories]]
     state: CentralState
+
+    @property
+    def policy(self) -> Policy:
+        return self.state.policy
 
     def outgoing(self) -> Mapping[str, Any]:
         return {}
@@ -226,7 +238,7 @@ def _run(
             seconds = perf_counter() - start
             history[name].append(part.state.parameters)
             if work is not None:
-                on_update(Progress(name, seconds, work, part.state.policy))
+                on_update(Progress(name, seconds, work, part.policy))
     return history
 
 

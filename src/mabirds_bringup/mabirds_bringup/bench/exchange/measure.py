@@ -44,10 +44,11 @@ WARM = 0.2
 
 
 class Reading(NamedTuple):
-    """What was seen at one look: the newest iteration of the slowest learner, and processor seconds of all."""
+    """What was seen at one look: the slowest learner's newest iteration, processor seconds of all and of the player."""
 
     iteration: int
     seconds: float
+    player: float = 0.0
 
 
 @dataclass
@@ -55,6 +56,7 @@ class Watch:
     """The statuses of all learners, unread until the end, and the processes' times."""
 
     readings: list[Reading] = field(default_factory=list)
+    peak_megabytes: float = 0.0
     raw: dict[str, list[bytes]] = field(default_factory=dict)
 
     def listen(self, node: Node, names: Sequence[str]) -> None:
@@ -65,11 +67,11 @@ class Watch:
                 LearnerStatus, f"/{name}/{topics.STATUS}", self.raw[name].append, latched(DEPTH), raw=True
             )
 
-    def look(self, running: Sequence[int]) -> int:
-        """Read the newest status of each; returns the iteration of the slowest."""
+    def look(self, running: Sequence[int], player: int) -> int:
+        """Read the newest status of each; returns the iteration of the slowest. ``player``: its process."""
         newest = [deserialize_message(raw[-1], LearnerStatus).iteration for raw in self.raw.values() if raw]
         slowest = min(newest, default=0) if len(newest) == len(self.raw) else 0
-        self.readings.append(Reading(slowest, sum(map(processor_seconds, running))))
+        self.readings.append(Reading(slowest, sum(map(processor_seconds, running)), processor_seconds(player)))
         return slowest
 
     def milliseconds(self, name: str, first: int) -> np.ndarray[Any, Any]:
@@ -85,6 +87,12 @@ class Watch:
 def processor_seconds(process: int) -> float:
     """User and system time of a process, by its number: what clock_getcpuclockid(3) names on Linux."""
     return time.clock_gettime((~process << 3) | CPUCLOCK_SCHED)
+
+
+def peak_megabytes(process: int) -> float:
+    """The most memory that a process ever had since it began its program, by its number, as Linux says."""
+    lines = Path(f"/proc/{process}/status").read_text(encoding="ascii", errors="replace").splitlines()
+    return next(1024 * int(line.split()[1]) / 1e6 for line in lines if line.startswith("VmHWM"))
 
 
 Command = Callable[[str], list[str]]
@@ -107,7 +115,9 @@ def measure(file: Path, command: Command, directory: Path, method: str = "") -> 
     Returns
     -------
     dict[str, float]
-        rate: iterations a second; processor_milliseconds: a learner's for an iteration; p50 and p99: milliseconds.
+        rate: iterations a second; processor_milliseconds: a learner's for an iteration; player_milliseconds: the
+        player's, for the demonstrations of all; p50 and p99: milliseconds;
+        peak_megabytes: the most that a learner's process ever had; processor_seconds: of all learners, starts included.
     """
     experiment, watch, context = load_experiment(file), Watch(), Context()
     directory.mkdir(parents=True, exist_ok=True)
@@ -139,10 +149,11 @@ def _watch(watch: Watch, executor: SingleThreadedExecutor, children: list[NodePr
         for child in children[:-1]:
             if child.exit_code is not None:
                 raise ProcessDiedError(f"{child.name} ended: {processes.last_lines(child.log)}")
-        reached = watch.look(running)
+        reached = watch.look(running, children[-1].popen.pid)
         deadline = time.monotonic() + PATIENCE if reached > before else deadline
         if time.monotonic() > deadline:
             raise ProcessDiedError(f"no iteration after {reached} within {PATIENCE:g} s")
+    watch.peak_megabytes = max(map(peak_megabytes, running))
 
 
 def figures(watch: Watch, experiment: Experiment) -> dict[str, float]:
@@ -164,16 +175,19 @@ def figures(watch: Watch, experiment: Experiment) -> dict[str, float]:
     counted = [reading for reading in watch.readings if first <= reading.iteration <= experiment.iterations]
     if len({reading.iteration for reading in counted}) < 2:
         counted = watch.readings
-    begin, end = counted[0], counted[-1]
+    begin, end, end_of_all = counted[0], counted[-1], watch.readings[-1]
     seconds, done = end.seconds - begin.seconds, (end.iteration - begin.iteration) * len(watch.raw)
     times = watch.milliseconds(next(iter(watch.raw)), first)
     statuses = sum(map(len, watch.raw.values())) / (len(watch.raw) * experiment.iterations)
     return {
         "rate": float(1e3 / times.mean()),
         "processor_milliseconds": 1e3 * seconds / done,
+        "player_milliseconds": 1e3 * (end.player - begin.player) / (end.iteration - begin.iteration),
         "p50": float(np.percentile(times, 50)),
         "p99": float(np.percentile(times, 99)),
         "statuses_an_iteration": statuses,
+        "peak_megabytes": watch.peak_megabytes,
+        "processor_seconds": end_of_all.seconds,
     }
 
 

@@ -14,7 +14,9 @@ from typing import Any
 import yaml
 
 from mabirds_bringup.bench.exchange.measure import measure, prepared
+from mabirds_bringup.evaluate.parallel import processors
 from mabirds_bringup.run.processes import baseline_command, learner_command
+from mabirds_core.experiment.file import load_experiment
 
 LEARNERS = "mabirds"
 """The method that is no central one."""
@@ -68,7 +70,8 @@ def compare(source: Path, iterations: int, repetitions: int) -> Figures:
     Returns
     -------
     dict[str, float]
-        Iterations a second and processor milliseconds by method, and how many times the rival's rate learners have.
+        Iterations a second, the most that processors allow, and processor milliseconds of each learning process and of
+        the player, by method; how many times the rival's rate learners have.
     """
     runs: defaultdict[str, list[Figures]] = defaultdict(list)
     with tempfile.TemporaryDirectory(prefix="mabirds-online-") as temporary:
@@ -79,11 +82,33 @@ def compare(source: Path, iterations: int, repetitions: int) -> Figures:
                 central = "" if method == LEARNERS else method
                 runs[method].append(measure(file, partial(_command, file, central), logs, central))
     fastest = {method: max(figures, key=lambda run: run["rate"]) for method, figures in runs.items()}
-    told = {
-        f"{method}_{key}": run[key] for method, run in fastest.items() for key in ("rate", "processor_milliseconds")
+    keys = ("rate", "processor_milliseconds", "player_milliseconds")
+    told = {f"{method}_{key}": run[key] for method, run in fastest.items() for key in keys}
+    learners = len(load_experiment(source).learners)
+    told |= {
+        f"{method}_processor_bound": bound(run, learners if method == LEARNERS else 1)
+        for method, run in fastest.items()
     }
     pairs = zip(runs[LEARNERS], runs[RIVAL], strict=True)
     return {**told, "times_of_rival": median(ours["rate"] / theirs["rate"] for ours, theirs in pairs)}
+
+
+def bound(run: Figures, processes: int) -> float:
+    """The highest rate that the processors of this machine allow, were all of them busy with nothing else.
+
+    Parameters
+    ----------
+    run : dict[str, float]
+        What each process takes for an iteration.
+    processes : int
+        That learn, beside the player.
+
+    Returns
+    -------
+    float
+        Iterations a second.
+    """
+    return 1e3 * processors() / (processes * run["processor_milliseconds"] + run["player_milliseconds"])
 
 
 def _command(file: Path, method: str, name: str) -> list[str]:
