@@ -84,8 +84,8 @@ def constraint_confidences(
     parameters : Parameters
         theta and omega as learned.
     shown : ShownFeatures
-            By at least one demonstration.
-        known : KnownChances, optional
+        By at least one demonstration.
+    known : KnownChances, optional
         What was found before.
 
     Returns
