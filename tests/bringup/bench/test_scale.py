@@ -2,6 +2,7 @@
 
 import os
 from pathlib import Path
+from statistics import median
 
 import pytest
 from bench_command import printed
@@ -22,19 +23,22 @@ def grown(power: float, sizes: tuple[int, ...] = (4, 16, 64)) -> dict[int, dict[
 def test_exponents_are_those_of_power_laws_with_students_intervals() -> None:
     found = exponent([grown(1.5), grown(1.5)], "milliseconds")
     assert found is not None
-    assert [found[key] for key in ("of_least", "mean", "half_width")] == pytest.approx([1.5, 1.5, 0.0], abs=1e-12)
+    assert [found[key] for key in ("of_sizes", "mean", "half_width")] == pytest.approx([1.5, 1.5, 0.0], abs=1e-12)
     busy = grown(1.0)
     busy[64]["milliseconds"] *= 16.0  # other work, in one repetition
     apart = exponent([grown(1.0), busy], "milliseconds")
     assert apart is not None
-    assert apart["of_least"] == pytest.approx(1.0)
+    assert apart["of_sizes"] == pytest.approx(1.0)
     assert apart["mean"] == pytest.approx(1.5)
+    between = exponent([grown(1.0), busy], "milliseconds", 0.0, median)
+    assert between is not None
+    assert 1.0 < (between["of_sizes"] or 0.0) < 2.0
     assert apart["half_width"] == pytest.approx(12.706 * 0.5, rel=1e-3)  # t of one degree of freedom
 
 
 def test_memory_counts_where_it_can_be_seen() -> None:
     found = told([grown(1.0, (4, 16, 64, 256))])["exponents"]["megabytes"]
-    assert found == {"of_least": pytest.approx(1.0), "mean": pytest.approx(1.0), "half_width": None}  # of 64 and 256
+    assert found == {"of_sizes": pytest.approx(1.0), "mean": pytest.approx(1.0), "half_width": None}  # of 64 and 256
     assert told([grown(1.0)])["exponents"]["megabytes"] is None
 
 

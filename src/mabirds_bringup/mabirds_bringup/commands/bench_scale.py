@@ -10,7 +10,7 @@ from mabirds_bringup.console import guarded_output, print_json, progress_bar, te
 
 def scale(
     small: Annotated[bool, typer.Option("--small", help="Small games and four learners: half a minute.")] = False,
-    iterations: Annotated[int, typer.Option(help="Of each network.", min=20)] = 200,
+    iterations: Annotated[int, typer.Option(help="Of each network.", min=20)] = 600,
     repetitions: Annotated[int, typer.Option(help="Of each size, in turns; intervals need two.", min=1)] = 3,
     as_json: Json = False,
 ) -> None:
@@ -46,6 +46,7 @@ def measured(iterations: int, repetitions: int, *, small: bool = False) -> dict[
     import multiprocessing
     import os
     from concurrent.futures import ProcessPoolExecutor
+    from statistics import median
 
     from mabirds_bringup.bench.report import machine
     from mabirds_bringup.bench.scale.cases import (
@@ -81,7 +82,7 @@ def measured(iterations: int, repetitions: int, *, small: bool = False) -> dict[
                 ]
             )
         results["learners"] = told(
-            [{count: noted(network(count, iterations)) for count in learners} for _ in range(repetitions)]
+            [{count: noted(network(count, iterations)) for count in learners} for _ in range(repetitions)], median
         )
     return {
         "machine": machine("numpy", "ros-rclpy"),
