@@ -127,7 +127,7 @@ def children_of(process: "subprocess.Popen[str]") -> list[psutil.Process]:
 
 @pytest.fixture
 def slow_run(file: Path, tmp_path: Path) -> Any:
-    """``mabirds run`` at a rate that will not end by itself, with its two learners, the player and the judge running; it restarts none."""
+    """``mabirds run`` at a rate that will not end by itself, with all that it has started; it restarts none."""
     command = [*MABIRDS, "run", str(file), "--rate", "0.05", "--restarts", "0"]
     # Under nohup and some test runners SIGINT is ignored, which children inherit.
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
