@@ -122,14 +122,14 @@ def test_manifest_names_versions_seeds_and_digests(simulation: tuple[Path, dict[
 
 
 def children_of(process: "subprocess.Popen[str]") -> list[psutil.Process]:
-    """The nodes that a run has started, once all three are there."""
+    """What a run has started, once all three nodes and the judge are there."""
     found = psutil.Process(process.pid).children()
-    return found if len(found) == 3 else []
+    return found if len(found) == 4 else []
 
 
 @pytest.fixture
 def slow_run(file: Path, tmp_path: Path) -> Any:
-    """``mabirds run`` at a rate that will not end by itself, with its three children running; it restarts none."""
+    """``mabirds run`` at a rate that will not end by itself, with all that it has started; it restarts none."""
     command = [*MABIRDS, "run", str(file), "--rate", "0.05", "--restarts", "0"]
     # Under nohup and some test runners SIGINT is ignored, which children inherit.
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
