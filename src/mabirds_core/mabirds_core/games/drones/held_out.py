@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from mabirds_core.arrays import Array, Mask, Vector
+from mabirds_core.arrays import Array, Vector
 from mabirds_core.games.drones.forecasts import PolicyForecast, forecasts
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.lattice import LatticePolicy
 from mabirds_core.games.drones.rewards import TrueDroneReward
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.games.recordings import Forecast
+from mabirds_core.metrics.displacement import displacements
 
 STEP_COSTS = np.geomspace(0.25, 16.0, 7)
 """That are tried for drones which know their goals and nothing else, in units of the temperature."""
@@ -85,19 +86,8 @@ class HeldOutFlights:
             Mean over drones and steps until the drone shown has arrived, and mean over drones at that step or the
             last one; shape (m, k) each [m].
         """
-        shown = np.repeat(self.game.positions(demonstrations.states), count, axis=0)
-        away = np.sqrt(((self.game.positions(flown.states) - shown) ** 2).sum(axis=-1))
-        counted = np.repeat(self._until_arrival(demonstrations), count, axis=0)
-        last = counted.shape[1] - 1 - counted[:, ::-1].argmax(axis=1)
-        average = (away * counted).sum(axis=(1, 2)) / np.maximum(1, counted.sum(axis=(1, 2)))
-        final = np.take_along_axis(away, last[:, None], axis=1)[:, 0].mean(axis=1)
-        return average.reshape(-1, count), final.reshape(-1, count)
-
-    def _until_arrival(self, demonstrations: Trajectories) -> Mask:
-        """Steps after the first, up to the one at which the drone has arrived, shape (m, T + 1, N_E)."""
-        under_way = ~self.game.arrived(demonstrations.states)
-        counted = np.concatenate([np.zeros_like(under_way[:, :1]), under_way[:, :-1]], axis=1)
-        return np.asarray(counted)
+        shown, places = (self.game.positions(of.states) for of in (demonstrations, flown))
+        return displacements(shown, places, ~self.game.arrived(demonstrations.states), count)
 
     def conflicts(self, trajectories: Trajectories) -> Mapping[str, float]:
         """Shares of trajectories that come closer than least_distance, and that touch what the settings have."""

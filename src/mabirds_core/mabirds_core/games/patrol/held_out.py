@@ -21,6 +21,7 @@ from mabirds_core.arithmetic import log
 from mabirds_core.arrays import Array, Indices, Mask, Vector
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.games.recordings import Forecast
+from mabirds_core.metrics.displacement import displacements
 from mabirds_core.planners.soft_bellman import log_sum_exp, soft_bellman_policy
 
 if TYPE_CHECKING:
@@ -188,24 +189,18 @@ class HeldOutPatrols:
             Mean over experts and steps until the expert shown has arrived, and mean over experts at that step or the
             last one; shape (m, k) each.
         """
-        shown = np.repeat(self._middles(demonstrations), count, axis=0)
-        away = np.sqrt(((self._middles(flown) - shown) ** 2).sum(axis=-1))
-        counted_steps = np.repeat(self._until_arrival(demonstrations), count, axis=0)
-        last = counted_steps.shape[1] - 1 - counted_steps[:, ::-1].argmax(axis=1)
-        average = (away * counted_steps).sum(axis=(1, 2)) / np.maximum(1, counted_steps.sum(axis=(1, 2)))
-        final = np.take_along_axis(away, last[:, None], axis=1)[:, 0].mean(axis=1)
-        return average.reshape(-1, count), final.reshape(-1, count)
+        shown, walked = self._middles(demonstrations), self._middles(flown)
+        return displacements(shown, walked, self._under_way(demonstrations), count)
 
     def _middles(self, trajectories: Trajectories) -> Array:
         """Of the experts' cells, shape (m, T + 1, N_E, 2) [m]."""
         rows, columns = np.divmod(self.game.cells(trajectories.states), self.game.width)
         return np.moveaxis(np.stack([columns, -rows], axis=-1), 0, -2) * (self.game.settings.cell or 1.0)
 
-    def _until_arrival(self, demonstrations: Trajectories) -> Mask:
-        """Steps after the first, up to the one at which the expert has arrived, shape (m, T + 1, N_E)."""
+    def _under_way(self, demonstrations: Trajectories) -> Mask:
+        """Which experts have not arrived, shape (m, T + 1, N_E)."""
         cells = self.game.cells(demonstrations.states)
-        way = np.stack([~of[own] for of, own in zip(self.game.grid.is_goal, cells, strict=True)], axis=-1)
-        return np.concatenate([np.zeros_like(way[:, :1]), way[:, :-1]], axis=1)
+        return np.stack([~of[own] for of, own in zip(self.game.grid.is_goal, cells, strict=True)], axis=-1)
 
     def conflicts(self, trajectories: Trajectories) -> Mapping[str, float]:
         """Shares of trajectories in which experts share cells, and in which they swap them."""
