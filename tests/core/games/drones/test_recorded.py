@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
-from mabirds_core.errors import ExperimentError
+from mabirds_core.errors import ExperimentError, ImpossibleTrajectoryError
 from mabirds_core.games.drones.settings import DroneSettings
 from mabirds_core.games.drones.whole_game import WholeDroneGame
 from mabirds_core.games.interface import Trajectories
@@ -85,3 +86,50 @@ def test_where_nobody_knows_the_truth_nothing_is_said_that_needs_it() -> None:
     apart = [{**drone, "start": (0.5, y), "start_spread": 0.1} for drone, y in halves]
     known = game(truth="settings", drones=apart)
     assert known.true_constraints is not None
+
+
+def flown_with_noise(of: WholeDroneGame, noise: float) -> tuple[Trajectories, np.ndarray, np.ndarray]:
+    """A flight, and its states and actions as they were observed: up to ``noise`` off, each drone at each step."""
+    rng = np.random.default_rng(7)
+    flown, actions = [of.starts(1, rng)], rng.uniform(-0.6, 0.6, (9, 1, 4))
+    for action in actions:
+        flown.append(of.step(flown[-1], action))
+    states = np.concatenate(flown[:-1])
+    angles = rng.uniform(0, 2 * np.pi, (9, 2))
+    off = noise * np.stack([np.cos(angles), np.sin(angles)], axis=-1).reshape(9, 4)
+    exact = Trajectories(states[None], actions[:, 0][None])
+    return exact, np.clip(states + off, 0, np.tile(of.arena, 2)), actions[:, 0]
+
+
+def test_flights_that_were_observed_with_noise_are_flights_near_by() -> None:
+    of = game(observation_noise=0.05)
+    exact, states, actions = flown_with_noise(of, 0.04)
+    seen = of.decode(states, actions)
+    away = np.linalg.norm(of.positions(seen.states) - of.positions(states), axis=-1)
+    assert np.abs(seen.states - exact.states).max() > 0
+    assert away.max() <= 0.05
+    np.testing.assert_array_equal(of.step(seen.states[0, :-1], seen.actions[0, :-1]), seen.states[0, 1:])
+    again = of.decode(*of.encode(seen))  # as in messages and checkpoints
+    np.testing.assert_array_equal(again.states, seen.states)
+    np.testing.assert_array_equal(again.actions, seen.actions)
+
+
+def test_exact_flights_stay_as_they_are() -> None:
+    of = game(observation_noise=0.05)
+    exact, _, actions = flown_with_noise(of, 0.0)
+    np.testing.assert_array_equal(of.decode(exact.states[0], actions).states, exact.states)
+
+
+def test_more_noise_than_the_settings_have_is_refused_with_the_step() -> None:
+    of = game(observation_noise=0.05)
+    _, states, actions = flown_with_noise(of, 0.0)
+    states[4, 2] += 1.5
+    with pytest.raises(ImpossibleTrajectoryError, match=r"step 4: drone 2 was observed .* where it can be, .* 0.05 m"):
+        of.decode(states, actions)
+    with pytest.raises(ImpossibleTrajectoryError, match="step"):
+        game().decode(*flown_with_noise(game(), 0.01)[1:])
+
+
+def test_noise_of_accelerating_drones_is_refused() -> None:
+    with pytest.raises(ValidationError, match="observation_noise 0.1: expected 0 with dynamics double_integrator"):
+        game(observation_noise=0.1, dynamics="double_integrator")

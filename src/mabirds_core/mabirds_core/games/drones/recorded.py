@@ -11,7 +11,7 @@ arrived is elsewhere than recorded; by how much is told, and whoever imports dec
 import numpy as np
 
 from mabirds_core.arrays import Array
-from mabirds_core.errors import ExperimentError
+from mabirds_core.errors import ExperimentError, ImpossibleTrajectoryError
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.games.recordings import Fit
@@ -49,6 +49,41 @@ def fit_places(game: DroneGame, places: Array) -> Fit:
         states[step + 1] = game.step(states[step], actions[step])
     flown = game.positions(states[:-1])
     return Fit(Trajectories(states[None, :-1], actions[None]), flown, game.arrived(states[:-1]))
+
+
+def followed(game: DroneGame, states: Array, actions: Array) -> Trajectories:
+    """The flight that follows noisy states and actions, and comes within ``observation_noise`` of them.
+
+    Parameters
+    ----------
+    game : DroneGame
+        Of single integrators.
+    states : Array
+        As they were observed, shape (T + 1, N_E D).
+    actions : Array
+        Shape (T + 1, 2 N_E); the last one says where the drones were going.
+
+    Returns
+    -------
+    Trajectories
+        One.
+
+    Raises
+    ------
+    ImpossibleTrajectoryError
+        No drone flies so: the message names the first step that is too far from what was observed.
+    """
+    observed = game.positions(states)
+    after = game.positions(game.step(states[-1], actions[-1]))
+    fit = fit_places(game, np.concatenate([observed, after[None]]))
+    away, most = np.sqrt(((fit.places - observed) ** 2).sum(axis=-1)), game.settings.observation_noise
+    if (wrong := np.argwhere(away > most)).size:
+        step, drone = wrong[0]
+        raise ImpossibleTrajectoryError(
+            f"step {step}: drone {drone + 1} was observed {away[step, drone]:.3g} m from where it can be, expected at"
+            f" most observation_noise {most:g} m"
+        )
+    return fit.trajectory
 
 
 def _towards(game: DroneGame, state: Array, aims: Array) -> Array:

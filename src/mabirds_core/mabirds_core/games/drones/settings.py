@@ -109,6 +109,9 @@ class DroneSettings(Settings):
     max_acceleration: Length = Field(2.0, description="of double integrators [m/s^2]")
     drone_radius: Length = Field(0.12, description="[m]")
     least_distance: Length = Field(0.35, description="of two drones' middles [m]")
+    observation_noise: float = Field(
+        0.0, ge=0, le=1000, description="how far demonstrated places may be from where drones were [m]; 0: exact"
+    )
     truth: Literal["settings", "unknown"] = Field(
         "settings",
         description="do obstacles and least_distance bind the experts, or does nobody know, as of recordings?",
@@ -149,6 +152,15 @@ class DroneSettings(Settings):
                     f"{name} of drone {number} touches the obstacle at {obstacle.centre}: expected {keep:g} m between"
                     " their middles; move one of them"
                 )
+
+    @model_validator(mode="after")
+    def _noise_is_of_places(self) -> "DroneSettings":
+        if self.observation_noise and self.dynamics != "single_integrator":
+            raise ValueError(
+                f"observation_noise {self.observation_noise:g}: expected 0 with dynamics {self.dynamics}, whose"
+                " velocities noisy places do not tell; set dynamics to single_integrator"
+            )
+        return self
 
     @model_validator(mode="after")
     def _starts_are_apart(self) -> "DroneSettings":
