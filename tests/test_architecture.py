@@ -129,7 +129,9 @@ print(*sorted(games))
     games = set(done.stdout.split())
     assert {"patrol.game", "patrol.settings"} <= games
     assert {name for name in games if name.startswith("drones.")} == {
+        "drones.geometry",
         "drones.kind",
+        "drones.regions",
         "drones.settings",
         "drones.planner_settings",
     }

@@ -8,8 +8,9 @@ import pytest
 from mabirds_core.errors import ExperimentError
 from mabirds_core.games.drones.planner_checks import check_soft_actor_critic
 from mabirds_core.games.drones.planner_settings import LatticeSettings, SoftActorCriticSettings
+from mabirds_core.games.drones.regions import GoalRegion
 from mabirds_core.games.drones.rewards import TrueDroneReward
-from mabirds_core.games.drones.settings import DroneSettings, GoalRegion
+from mabirds_core.games.drones.settings import DroneSettings
 from mabirds_core.games.drones.whole_game import WholeDroneGame
 
 DISC: dict[str, Any] = {"centre": (3.6, 1.0), "radius": 0.35}

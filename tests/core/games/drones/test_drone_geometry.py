@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from mabirds_core.arrays import Array
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.geometry import closest_approach, swept_distance, swept_separation
-from mabirds_core.games.drones.settings import Circle
+from mabirds_core.games.drones.regions import Obstacle
 from mabirds_core.games.interface import Trajectories
 
 SAMPLES = np.linspace(0, 1, 2001)
@@ -155,7 +155,7 @@ def test_verdicts_are_those_of_densely_sampled_rollouts(make: Callable[..., Dron
     assert 0 < (home & (kept > 0)).mean() < 1
 
 
-def goal_regions(game: DroneGame) -> list[Circle]:
+def goal_regions(game: DroneGame) -> list[Obstacle]:
     return [task.goal_region for task in game.settings.drones]
 
 

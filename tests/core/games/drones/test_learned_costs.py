@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 from mabirds_core.games.drones.game import DroneGame
+from mabirds_core.games.drones.geometry import disc, rim
 from mabirds_core.games.drones.learned_costs import (
     closeness_costs,
-    disc,
     distance_costs,
     measures,
     obstacle_costs,
     place_costs,
-    rim,
     trajectory_costs,
 )
 from mabirds_core.games.drones.settings import DroneSettings

@@ -84,8 +84,9 @@ class PathPlanner:
     def __init__(self, game: DroneGame, margin: float) -> None:
         settings, radius = game.settings, game.settings.drone_radius
         self._tasks, self._arena = settings.drones, game.arena
-        self._centres = np.array([obstacle.centre for obstacle in settings.obstacles]).reshape(-1, 2)
-        self._reach = np.array([obstacle.radius + radius for obstacle in settings.obstacles])
+        discs = [(barrier.centres(radius), barrier.radius) for barrier in settings.barriers]  # walls are rows of them
+        self._centres = np.concatenate([np.empty((0, 2)), *(centres for centres, _ in discs)])
+        self._reach = np.concatenate([np.empty(0), *(np.full(len(centres), of + radius) for centres, of in discs)])
         self._keep = self._reach + margin
         self._wall = np.minimum(radius, game.arena / 2)
         self._longest = settings.horizon * settings.time_step * settings.max_speed

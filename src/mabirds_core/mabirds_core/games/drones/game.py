@@ -15,7 +15,7 @@ from mabirds_core.digest import trajectory_digest
 from mabirds_core.errors import ImpossibleTrajectoryError
 from mabirds_core.games.drones.dynamics import DroneDynamics
 from mabirds_core.games.drones.features import DroneCostFeatures, DroneRewardFeatures
-from mabirds_core.games.drones.geometry import swept_distance, swept_separation
+from mabirds_core.games.drones.geometry import swept_separation
 from mabirds_core.games.drones.settings import DroneSettings
 from mabirds_core.games.drones.space import DroneSpace
 from mabirds_core.games.interface import Trajectories
@@ -114,9 +114,7 @@ class DroneGame:
         nodes, settings = self.cost_features.grid.nodes, self.settings
         if settings.truth == "unknown":
             return None
-        inside = np.zeros(len(nodes), dtype=bool)
-        for obstacle in settings.obstacles:
-            inside |= np.hypot(*(nodes - obstacle.centre).T) < obstacle.radius + settings.drone_radius
+        inside = settings.touched(nodes)
         close = [level <= settings.least_distance for level in settings.features.distance_levels]
         return np.array([*np.tile(inside, self.n_experts), *close * len(self.pairs), *[False] * self.n_experts])
 
@@ -135,9 +133,9 @@ class DroneGame:
         """
         places, settings = self.positions(states), self.settings
         clearance = np.full(places[:, 1:, :, 0].shape, np.inf)
-        for obstacle in settings.obstacles:
-            distance = swept_distance(places[:, :-1], places[:, 1:], np.array(obstacle.centre))
-            clearance = np.minimum(clearance, distance - obstacle.radius - settings.drone_radius)
+        for barrier in settings.barriers:
+            left = barrier.clearance(places[:, :-1], places[:, 1:]) - settings.drone_radius
+            clearance = np.minimum(clearance, left)
         return clearance
 
     def separation_clearance(self, states: Array) -> Array:

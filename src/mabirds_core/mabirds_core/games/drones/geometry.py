@@ -52,6 +52,38 @@ def swept_distance(start: Array, end: Array, centre: Array) -> Array:
     return closest_approach(start - centre, end - centre)
 
 
+def segment_distance(start: Array, end: Array, first: Array, second: Array) -> Array:
+    """Least distance of straight segments to another one.
+
+    Parameters
+    ----------
+    start : Array
+        Shape (..., 2).
+    end : Array
+        Shape (..., 2).
+    first : Array
+        An end of the other one, shape (2,).
+    second : Array
+        Its other end, shape (2,); the same one makes it a point.
+
+    Returns
+    -------
+    Array
+        Shape (...); 0 where they cross.
+    """
+    ends = [swept_distance(start, end, at) for at in (first, second)]
+    ends += [swept_distance(first, second, at) for at in (start, end)]
+    apart = np.minimum.reduce(ends)
+
+    def side(of: Array, to: Array, at: Array) -> Array:
+        (x, y), (u, v) = np.moveaxis(to - of, -1, 0), np.moveaxis(at - of, -1, 0)
+        return np.asarray(x * v - y * u)
+
+    crosses = side(start, end, first) * side(start, end, second) < 0
+    crosses &= side(first, second, start) * side(first, second, end) < 0
+    return np.asarray(np.where(crosses, 0.0, apart))
+
+
 def swept_separation(starts: tuple[Array, Array], ends: tuple[Array, Array]) -> Array:
     """Least distance of two drones that fly straight at the same time: of their difference to zero.
 
@@ -90,3 +122,24 @@ def disc(centre: tuple[float, float], radius: float, points: int) -> Array:
     numbers = np.arange(points)
     angles, radii = np.pi * (1 + np.sqrt(5)) * numbers, radius * np.sqrt((numbers + 0.5) / points)
     return np.asarray(centre + radii[:, None] * np.column_stack([np.cos(angles), np.sin(angles)]))
+
+
+def rim(centre: tuple[float, float], radius: float, points: int) -> Array:
+    """Places on the border of a disc.
+
+    Parameters
+    ----------
+    centre : tuple[float, float]
+        x and y [m].
+    radius : float
+        In metres.
+    points : int
+        How many.
+
+    Returns
+    -------
+    Array
+        Shape (points, 2) [m].
+    """
+    angles = 2 * np.pi * np.arange(points) / points
+    return np.asarray(centre + radius * np.column_stack([np.cos(angles), np.sin(angles)]))

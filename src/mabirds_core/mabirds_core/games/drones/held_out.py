@@ -93,7 +93,7 @@ class HeldOutFlights:
         """Shares of trajectories that come closer than least_distance, and that touch what the settings have."""
         clearance = self.game.separation_clearance(trajectories.states)
         found = {"too close": float((clearance < 0).any(axis=1).mean())}
-        if self.game.settings.obstacles:
+        if self.game.settings.barriers:
             touching = self.game.obstacle_clearance(trajectories.states) < 0
             found["touching"] = float(touching.any(axis=(1, 2)).mean())
         return found

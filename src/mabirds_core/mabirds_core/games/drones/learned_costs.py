@@ -6,7 +6,6 @@ import numpy as np
 
 from mabirds_core.arrays import Array, Vector
 from mabirds_core.games.drones.game import DroneGame
-from mabirds_core.games.drones.geometry import disc
 from mabirds_core.games.interface import Trajectories
 
 POINTS = 2000
@@ -65,27 +64,6 @@ def distance_costs(game: DroneGame, omega: Vector, pair: int, distances: Array) 
     return np.asarray(-game.cost_features.pairwise(omega, pair, distances))
 
 
-def rim(centre: tuple[float, float], radius: float, points: int) -> Array:
-    """Places on the border of a disc.
-
-    Parameters
-    ----------
-    centre : tuple[float, float]
-        x and y [m].
-    radius : float
-        In metres.
-    points : int
-        How many.
-
-    Returns
-    -------
-    Array
-        Shape (points, 2) [m].
-    """
-    angles = 2 * np.pi * np.arange(points) / points
-    return np.asarray(centre + radius * np.column_stack([np.cos(angles), np.sin(angles)]))
-
-
 def obstacle_costs(game: DroneGame, omega: Vector) -> tuple[Array, Array]:
     """Mean costs of obstacles.
 
@@ -104,11 +82,10 @@ def obstacle_costs(game: DroneGame, omega: Vector) -> tuple[Array, Array]:
         Of that disc's rim, shape (N_E, obstacles).
     """
     keep = game.settings.drone_radius
+    barriers = game.settings.barriers
     shapes = (
-        np.array([shape(obstacle.centre, obstacle.radius + keep, n) for obstacle in game.settings.obstacles]).reshape(
-            -1, n, 2
-        )
-        for shape, n in ((disc, POINTS), (rim, RIM_POINTS))
+        np.array([barrier.places(keep, POINTS) for barrier in barriers]).reshape(-1, POINTS, 2),
+        np.array([barrier.outline(keep, RIM_POINTS) for barrier in barriers]).reshape(-1, RIM_POINTS, 2),
     )
     inside, border = (
         np.stack([_means_in_arena(game, omega, drone, places) for drone in range(game.n_experts)]) for places in shapes
@@ -199,9 +176,9 @@ def measures(game: DroneGame, omega: Vector, demonstrations: Trajectories) -> Ma
         "demonstrated_cost": shown,
         "obstacle_dearer": np.minimum(inside, border) > shown,
     }
-    closeness = closeness_costs(game, omega)
+    closeness, barriers = closeness_costs(game, omega), game.settings.barriers
     by_pair = {"closeness_cost": closeness, "closeness_dearer": closeness > 0}
-    places = [f"({x:g}, {y:g}) m" for x, y in (obstacle.centre for obstacle in game.settings.obstacles)]
+    places = [" to ".join("({:g}, {:g})".format(*end) for end in dict.fromkeys(of.ends)) + " m" for of in barriers]
     obstacles = [f"{place}, drone {drone + 1}" for place in places for drone in range(game.n_experts)]
     pairs = [f"drones {first + 1} and {second + 1}" for first, second in game.pairs]
     return {

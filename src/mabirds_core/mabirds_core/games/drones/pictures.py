@@ -1,7 +1,7 @@
 """Arenas with drones: obstacles, goal regions, starts, rollouts, and what places and distances are learned to cost."""
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import matplotlib as mpl
 
@@ -11,13 +11,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, FigureBase
 from matplotlib.image import AxesImage
-from matplotlib.patches import Circle, Rectangle
+from matplotlib.patches import Circle, Polygon, Rectangle
 from matplotlib.patheffects import Normal, Stroke
 
 from mabirds_core.arrays import Array, Vector
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.judge import RolloutJudge
 from mabirds_core.games.drones.learned_costs import distance_costs, place_costs
+from mabirds_core.games.drones.regions import Obstacle
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.games.whole_game import Learned
 
@@ -29,6 +30,9 @@ FIELD = "viridis"
 
 RESOLUTION = 0.05
 """Metres between two places whose costs are drawn."""
+
+RIM = 90
+"""Corners with which rims of obstacles are drawn."""
 
 DISTANCES = np.linspace(0.0, 1.5, 151)
 
@@ -53,10 +57,9 @@ def draw_arena(axis: Axes, game: DroneGame, drones: Sequence[int] | None = None,
         Obstacles in grey, not as outlines.
     """
     settings = game.settings
-    for obstacle in settings.obstacles:
-        axis.add_patch(Circle(obstacle.centre, obstacle.radius, fc="0.6" if filled else "none", ec="0.1", lw=1.2))
-        keep = obstacle.radius + settings.drone_radius
-        axis.add_patch(Circle(obstacle.centre, keep, fc="none", ec="0.1", lw=0.7, ls=":"))
+    for barrier in settings.barriers:
+        axis.add_patch(_patch(barrier, 0.0, fc="0.6" if filled else "none", ec="0.1", lw=1.2))
+        axis.add_patch(_patch(barrier, settings.drone_radius, fc="none", ec="0.1", lw=0.7, ls=":"))
     for drone in range(game.n_experts) if drones is None else drones:
         task, colour = settings.drones[drone], colour_of(drone)
         low, high = task.start_corners
@@ -67,6 +70,13 @@ def draw_arena(axis: Axes, game: DroneGame, drones: Sequence[int] | None = None,
             axis.plot(*np.transpose([task.goal_region.centre, task.goal_region.until]), color=colour, lw=1.8)
     width, depth = settings.arena
     axis.set(xlim=(0, width), ylim=(0, depth), aspect="equal", xticks=[], yticks=[])
+
+
+def _patch(barrier: Obstacle, margin: float, **style: Any) -> Circle | Polygon:
+    """A barrier that is widened by a margin."""
+    if barrier.until is None:
+        return Circle(barrier.centre, barrier.radius + margin, **style)
+    return Polygon(barrier.outline(margin, RIM), **style)
 
 
 def draw_trajectories(axis: Axes, places: Array, drones: Sequence[int], *, cased: bool = False) -> None:

@@ -44,12 +44,7 @@ class DroneScene:
     @cached_property
     def forbidden(self) -> Mask:
         """Where a drone's middle would touch an obstacle."""
-        settings, centres = self._game.settings, self.raster.centres
-        forbidden = np.zeros(centres.shape[:2], dtype=np.bool_)
-        for obstacle in settings.obstacles:
-            away = np.linalg.norm(centres - obstacle.centre, axis=-1)
-            forbidden |= away < obstacle.radius + settings.drone_radius
-        return forbidden
+        return self._game.settings.touched(self.raster.centres)
 
     def costs(self, omega: Vector) -> Array:
         """Learned costs of places, without effort."""

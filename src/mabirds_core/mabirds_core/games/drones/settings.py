@@ -1,56 +1,20 @@
 """The drone game as written in an experiment file; metres, seconds."""
 
 from collections.abc import Mapping
-from itertools import combinations
+from functools import cached_property
+from itertools import combinations, pairwise
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
-from mabirds_core.arrays import Array
+from mabirds_core.arrays import Array, Mask
+from mabirds_core.games.drones.geometry import segment_distance
+from mabirds_core.games.drones.regions import GoalRegion, Length, Obstacle, Point, inside
 from mabirds_core.settings import Settings
 
 MAX_FEATURES = 100_000
 """Cost features of a game; a million of them would fill a message with megabytes."""
-
-Point = tuple[float, float]
-Length = Annotated[float, Field(ge=1e-6, le=1000)]
-
-
-class Circle(Settings):
-    """An obstacle or a goal region."""
-
-    centre: Point = Field(description="x, y [m]")
-    radius: Length = Field(description="[m]")
-
-
-class GoalRegion(Circle):
-    """A goal region: a disc, or a door, all places within ``radius`` of the segment from ``centre`` to ``until``."""
-
-    until: Point | None = Field(None, description="of a door, where its other end is [m]")
-
-    @property
-    def way(self) -> Array:
-        """From one end of a door to the other, shape (2,) [m]; zeros for a disc."""
-        return np.zeros(2) if self.until is None else np.subtract(self.until, self.centre)
-
-    def nearest(self, places: Array) -> Array:
-        """The places of the segment that are nearest to places, shape (..., 2) each [m]; the centre of a disc."""
-        if self.until is None:
-            return np.broadcast_to(np.array(self.centre), places.shape)
-        along = ((places - self.centre) @ self.way) / (self.way @ self.way)
-        return np.asarray(self.centre + np.clip(along, 0.0, 1.0)[..., None] * self.way)
-
-    def away(self, places: Array) -> Array:
-        """Squared distances to the segment, or to the centre of a disc, shape (...) [m^2]."""
-        return np.asarray(((places - self.nearest(places)) ** 2).sum(axis=-1))
-
-    @model_validator(mode="after")
-    def _is_no_point(self) -> "GoalRegion":
-        if self.until == self.centre:
-            raise ValueError(f"until {self.until}: expected another place than centre; leave it out for a disc")
-        return self
-
 
 Spread = Annotated[float, Field(ge=0, le=1000)]
 
@@ -97,7 +61,13 @@ class DroneSettings(Settings):
 
     kind: Literal["drones"]
     arena: tuple[Length, Length] = Field(description="width and depth [m]; walls stop drones")
-    obstacles: tuple[Circle, ...] = Field((), max_length=1000, description="what drones may not touch")
+    obstacles: tuple[Obstacle, ...] = Field((), max_length=1000, description="what drones may not touch")
+    walls: tuple[tuple[Point, ...], ...] = Field(
+        (),
+        max_length=1000,
+        description="corners of walls, which may not be touched; a closed one may not be entered [m]",
+    )
+    wall_radius: Length = Field(0.01, description="half the thickness of walls [m]")
     drones: tuple[DroneTask, ...] = Field(min_length=1, max_length=10)
     dynamics: Literal["single_integrator", "double_integrator"] = Field(
         "single_integrator", description="actions are velocities, or accelerations"
@@ -126,6 +96,22 @@ class DroneSettings(Settings):
         """N_E."""
         return len(self.drones)
 
+    @cached_property
+    def barriers(self) -> tuple[Obstacle, ...]:
+        """Obstacles, and each straight piece of a wall."""
+        pieces = (piece for wall in self.walls for piece in pairwise(wall))
+        return (*self.obstacles, *(Obstacle(centre=a, until=b, radius=self.wall_radius) for a, b in pieces))
+
+    def touched(self, places: Array) -> Mask:
+        """Where, of places (..., 2) [m], a drone would touch a barrier or be behind closed walls, shape (...)."""
+        touched = np.zeros(places.shape[:-1], dtype=bool)
+        for barrier in self.barriers:
+            touched |= barrier.away(places) < (barrier.radius + self.drone_radius) ** 2
+        for wall in self.walls:
+            if wall[0] == wall[-1]:
+                touched |= inside(np.array(wall), places)
+        return touched
+
     def lattice(self, spacing: float) -> tuple[int, int]:
         """Points of a lattice over the arena that is no coarser than ``spacing``, by axis."""
         return tuple(int(np.ceil(side / spacing * (1 - 1e-9))) + 1 for side in self.arena)  # type: ignore[return-value]
@@ -138,20 +124,30 @@ class DroneSettings(Settings):
                 if not all(0 <= x <= side for x, side in zip(point, self.arena, strict=True)):
                     raise ValueError(f"{name} {point} of drone {number}: expected a place in the arena {self.arena}")
             if self.truth == "settings":
-                for obstacle in self.obstacles:
-                    self._check_free(number, task, obstacle)
+                for barrier in self.barriers:
+                    self._check_free(number, task, barrier)
         return self
 
-    def _check_free(self, number: int, task: DroneTask, obstacle: Circle) -> None:
-        """No start may touch an obstacle, and the centre of no goal region."""
-        keep = obstacle.radius + self.drone_radius
-        nearest = np.clip(obstacle.centre, *task.start_corners)
-        for name, point in (("start", nearest), ("goal_region", task.goal_region.centre)):
-            if np.hypot(*np.subtract(point, obstacle.centre)) < keep:
+    def _check_free(self, number: int, task: DroneTask, barrier: Obstacle) -> None:
+        """No start may touch a barrier, and the centre of no goal region."""
+        keep = barrier.radius + self.drone_radius
+        goal = np.array(task.goal_region.centre)
+        between = {"start": _between(task.start_corners, barrier), "goal_region": float(np.sqrt(barrier.away(goal)))}
+        for name, distance in between.items():
+            if distance < keep:
+                what = "obstacle" if barrier.until is None else f"wall to {barrier.until} that begins"
                 raise ValueError(
-                    f"{name} of drone {number} touches the obstacle at {obstacle.centre}: expected {keep:g} m between"
+                    f"{name} of drone {number} touches the {what} at {barrier.centre}: expected {keep:g} m between"
                     " their middles; move one of them"
                 )
+
+    @field_validator("walls")
+    @classmethod
+    def _have_pieces(cls, walls: tuple[tuple[Point, ...], ...]) -> tuple[tuple[Point, ...], ...]:
+        for wall in walls:
+            if len(wall) < 2 or any(a == b for a, b in pairwise(wall)):
+                raise ValueError(f"{wall}, expected two corners or more, no two alike one after the other")
+        return walls
 
     @model_validator(mode="after")
     def _noise_is_of_places(self) -> "DroneSettings":
@@ -184,3 +180,12 @@ class DroneSettings(Settings):
                     f"features.{name} {spacing:g} makes {count} RBF features, expected at most {MAX_FEATURES}"
                 )
         return self
+
+
+def _between(corners: tuple[Array, Array], barrier: Obstacle) -> float:
+    """Distance of a rectangle's places to a barrier's segment [m]; 0 where it leads through."""
+    low, high = corners
+    if ((low <= barrier.centre) & (barrier.centre <= high)).all():
+        return 0.0
+    ring = np.array([low, (high[0], low[1]), high, (low[0], high[1]), low])
+    return float(segment_distance(ring[:-1], ring[1:], *map(np.array, barrier.ends)).min())
