@@ -117,9 +117,9 @@ def test_an_impossible_declaration_is_refused_by_name(make_resilient: Callable[.
         ({"receiver": "learner_3"}, "wrong_learner", "receiver 'learner_3', expected 'learner_1'"),
         ({"experiment_digest": "other"}, "wrong_experiment", "experiment digest 'other', expected"),
         ({"schedule_digest": "other"}, "wrong_schedule", "schedule digest 'other', expected"),
-        ({"total": [1.0]}, "wrong_shape", "total: 1 numbers, expected 125"),
-        ({"rest": [float("nan")] * 125}, "not_finite", "rest: expected finite numbers"),
-        ({"total": [1e200] * 125}, "too_large", "total: expected at most 1e+20 in absolute value"),
+        ({"total": [1.0]}, "wrong_shape", "total: 1 numbers, expected 151"),
+        ({"rest": [float("nan")] * 151}, "not_finite", "rest: expected finite numbers"),
+        ({"total": [1e200] * 151}, "too_large", "total: expected at most 1e+20 in absolute value"),
         ({"epoch": 0}, "old_epoch", ""),
     ],
 )
