@@ -307,7 +307,7 @@ PARAMETERS: list[tuple[Callable[[ParametersMessage], Any], str, str]] = [
     (lambda m: spoil(m, learner="learner_1"), "wrong_learner", "learner 'learner_1', expected 'learner_2'"),
     (lambda m: spoil(m, experiment_digest=""), "wrong_experiment", "experiment digest '', expected"),
     (lambda m: spoil(m, schedule_digest="other"), "wrong_schedule", "schedule digest 'other', expected"),
-    (lambda m: spoil(m, theta=[]), "wrong_shape", "theta: 0 numbers, expected 98"),
+    (lambda m: spoil(m, theta=[]), "wrong_shape", "theta: 0 numbers, expected 124"),
     (lambda m: spoil(m, omega=[0.0] * 27), "wrong_shape", "omega: 27 numbers, expected 26"),
     (lambda m: with_number(m, "theta", 3, float("nan")), "not_finite", "theta[3] is nan, expected a finite number"),
     (lambda m: with_number(m, "omega", 0, float("inf")), "not_finite", "omega[0] is inf, expected a finite number"),
