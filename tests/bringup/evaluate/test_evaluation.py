@@ -158,9 +158,20 @@ def test_only_what_has_been_learned_from_decides_constraints(learned: Learned, e
     """Recordings may be longer than what was learned."""
     experiment, streams, history = learned
     longer = {name: [*stream, *streams["learner_1"]] for name, stream in streams.items()}
-    last = {name: parameters[-1:] for name, parameters in history.items()}
-    constraints = evaluate(experiment, last, longer).constraints["learner_2"]
+    constraints = evaluate(experiment, history, longer).constraints["learner_2"]
     np.testing.assert_array_equal(constraints.confidences, evaluation.constraints["learner_2"].confidences)
+
+
+def test_of_an_interrupted_run_only_the_demonstrations_that_came_count(learned: Learned) -> None:
+    """As if the experiment had been as short; a learner that left early counts with what it had."""
+    experiment, streams, history = learned
+    short = {"learner_1": history["learner_1"][:8], "learner_2": history["learner_2"][:5]}
+    game = build_game(experiment)
+    for name, constraints in evaluate(experiment, short, streams).constraints.items():
+        reward: Any = reward_of(experiment, name, game)
+        shown = reward.shown(short[name][-1].theta, 7 + 4)
+        expected = game.judge.constraint_confidences(reward, short[name][-1], shown)
+        np.testing.assert_array_equal(constraints.confidences, expected)
 
 
 def test_a_method_without_a_reward_model_is_told_by_the_threshold(learned: Learned) -> None:

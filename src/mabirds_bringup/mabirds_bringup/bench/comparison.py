@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from mabirds_bringup.evaluate.evaluation import distance_to_experts, learned_constraints
+from mabirds_bringup.evaluate.constraints import learned_constraints
+from mabirds_bringup.evaluate.evaluation import distance_to_experts
 from mabirds_bringup.evaluate.held_out import HeldOut, draw_held_out
 from mabirds_core.algorithm.memory import stacked
 from mabirds_core.algorithm.parameters import Parameters

@@ -18,7 +18,7 @@ from mabirds_bringup.bench.frame import LEARNER, array_of, in_order, is_learner,
 from mabirds_bringup.bench.outcome import drawn_streams
 from mabirds_bringup.bench.study import Case, LoadedStudy
 from mabirds_bringup.bench.summary import summarise
-from mabirds_bringup.evaluate.evaluation import learned_constraints
+from mabirds_bringup.evaluate.constraints import learned_constraints
 from mabirds_core.algorithm.memory import stacked
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Mask, Vector

@@ -6,56 +6,29 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
+from mabirds_bringup.evaluate.constraints import Constraints, learned_constraints
 from mabirds_bringup.evaluate.held_out import HeldOut
 from mabirds_bringup.evaluate.parallel import judge_all
 from mabirds_bringup.evaluate.policies import LearnerMetrics, PolicyJudge, Task
 from mabirds_bringup.evaluate.verdicts import Verdict, Verdicts, asked_of, assembled
-from mabirds_core.algorithm.memory import stacked
 from mabirds_core.algorithm.parameters import Parameters
-from mabirds_core.arrays import Mask, Vector
-from mabirds_core.experiment.assembly import build_game, reward_of
+from mabirds_core.experiment.assembly import build_game
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History, Streams
-from mabirds_core.games.interface import ShownFeatures, shown_features
 from mabirds_core.games.whole_game import Game
 from mabirds_core.metrics.constraints import (
     ConstraintErrors,
-    by_threshold,
-    constraint_errors,
-    ranking_auc,
     surest_first,
 )
 from mabirds_core.metrics.curves import first_at, late_mean, late_minimum, stays_from
 from mabirds_core.metrics.metrics import consensus_distance
 from mabirds_core.planners.interface import Policy
-from mabirds_core.rewards.shown import RewardWithShown
 
 OnJudged = Callable[[LearnerMetrics | None], None]
 """Called with each row, and with None for each verdict."""
 
 LEVEL = 0.9
 """Success rate from which on the time is told."""
-
-
-class Constraints(NamedTuple):
-    """What a learner or method took for constraints.
-
-    Attributes
-    ----------
-    learned : Mask
-        Shape (K,).
-    confidences : Vector or None
-        Of the counterfactual test, -1 for what was demonstrated; None where the threshold decided.
-    errors : ConstraintErrors or None
-        Against the true ones; None where nobody knows them.
-    auc : float or None
-        Of the ranking by confidence, or by -omega.
-    """
-
-    learned: Mask
-    confidences: Vector | None
-    errors: ConstraintErrors | None
-    auc: float | None
 
 
 @dataclass(frozen=True)
@@ -114,7 +87,7 @@ def evaluate(
     judge = judge or PolicyJudge(experiment)
     game, held_out, final = judge.game, judge.held_out, {name: of[-1] for name, of in history.items()}
     told = _told(judge, history, judged, on_judged)
-    finals = judge_finals(judge, final, demonstrations)
+    finals = judge_finals(judge, final, demonstrations, _updates(experiment, history))
     together = list(zip(*history.values(), strict=False))
     return Evaluation(
         [*told.rows.values()],
@@ -151,7 +124,14 @@ class Finals(NamedTuple):
     from_experts: dict[str, float | None]
 
 
-def judge_finals(judge: PolicyJudge, final: Mapping[str, Parameters], demonstrations: Streams) -> Finals:
+def _updates(experiment: Experiment, history: History) -> int:
+    """Of all learners together: fewer than the experiment has where a run was interrupted or a learner has left."""
+    return sum(min(len(history[name]) - 1, experiment.iterations) for name in experiment.learners if name in history)
+
+
+def judge_finals(
+    judge: PolicyJudge, final: Mapping[str, Parameters], demonstrations: Streams, updates: int | None = None
+) -> Finals:
     """Judge what learners ended with; a second time costs little, since the judge keeps what takes long.
 
     Parameters
@@ -162,6 +142,8 @@ def judge_finals(judge: PolicyJudge, final: Mapping[str, Parameters], demonstrat
         theta and omega by learner or method.
     demonstrations : Streams
         Each learner's.
+    updates : int, optional
+        Made by all learners together, with a demonstration each; None: all of the experiment.
 
     Returns
     -------
@@ -172,7 +154,10 @@ def judge_finals(judge: PolicyJudge, final: Mapping[str, Parameters], demonstrat
     return Finals(
         policies,
         game.judge.distance([*policies.values()], experiment.seed),
-        {name: learned_constraints(experiment, name, last, demonstrations, game) for name, last in final.items()},
+        {
+            name: learned_constraints(experiment, name, last, demonstrations, game, updates)
+            for name, last in final.items()
+        },
         {name: distance_to_experts(experiment, game, policy, judge.held_out) for name, policy in policies.items()},
     )
 
@@ -230,35 +215,6 @@ def distance_to_experts(experiment: Experiment, game: Game, policy: Any, held_ou
     if held_out.demonstrations is None:
         return None
     return game.judge.distance_to(policy, held_out.demonstrations, experiment.seed)
-
-
-def learned_constraints(
-    experiment: Experiment, name: str, parameters: Parameters, demonstrations: Streams, game: Game
-) -> Constraints:
-    """What ``name`` takes for constraints; by the threshold where there is no test, or are no demonstrations."""
-    confidences, reward = None, reward_of(experiment, name, game)
-    shown = _shown(experiment, name, parameters, demonstrations, game, reward)
-    if shown is not None and reward is not None:
-        confidences = game.judge.constraint_confidences(reward, parameters, shown)
-    if confidences is None:
-        learned, scores = by_threshold(parameters.omega, experiment.constraint_threshold), -parameters.omega
-    else:
-        learned, scores = confidences >= experiment.constraint_confidence, confidences
-    truth = game.true_constraints
-    if truth is None:
-        return Constraints(learned, confidences, None, None)
-    return Constraints(learned, confidences, constraint_errors(learned, truth), ranking_auc(scores, truth))
-
-
-def _shown(
-    experiment: Experiment, name: str, parameters: Parameters, demonstrations: Streams, game: Game, reward: Any
-) -> ShownFeatures | None:
-    """What ``name`` knows to be shown: by theta where that says it, else by its own demonstrations if they are here."""
-    if isinstance(reward, RewardWithShown):
-        return reward.shown(parameters.theta, len(experiment.learners) * experiment.iterations)
-    streams = [demonstrations[learner] for learner in ([name] if name in demonstrations else demonstrations)]
-    learned_from = [demonstration for stream in streams for demonstration in stream[: experiment.iterations]]
-    return shown_features(game, stacked(learned_from)) if learned_from else None
 
 
 def summary(experiment: Experiment, evaluation: Evaluation, seconds: float) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from typing import Any
 import polars as pl
 
 from mabirds_bringup.bench.behaviour.draw import draw
-from mabirds_bringup.evaluate.evaluation import learned_constraints
+from mabirds_bringup.evaluate.constraints import learned_constraints
 from mabirds_core.experiment.assembly import build_game, evaluation_policy
 from mabirds_core.experiment.simulate import simulate
 from mabirds_core.games.whole_game import Learned

@@ -7,7 +7,7 @@ from mabirds_bringup.bench.behaviour.counting import COUNTED_AT, counting_scores
 from mabirds_bringup.bench.behaviour.draw import Draw, draw, with_paper_steps
 from mabirds_bringup.bench.comparison import decidable_constraints
 from mabirds_bringup.bench.pooled import policy_of, pooled_optimum
-from mabirds_bringup.evaluate.evaluation import learned_constraints
+from mabirds_bringup.evaluate.constraints import learned_constraints
 from mabirds_core.algorithm.memory import stacked
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Mask, Vector
