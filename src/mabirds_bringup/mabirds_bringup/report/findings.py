@@ -25,9 +25,14 @@ def findings(summary: Mapping[str, Any]) -> list[str]:
 
 
 def _behaviour(summary: Mapping[str, Any], rows: list[Mapping[str, Any]]) -> Iterator[str]:
-    who = "The learner" if len(rows) == 1 else f"Each of {len(rows)} learners"
     watched = _span([row["iterations"] for row in rows], "d")
-    yield f"{who} watched {watched} demonstrations, which it shared with nobody."
+    if len(rows) == 1:
+        yield f"The learner watched {watched} demonstrations."
+    else:
+        yield (
+            f"Each of {len(rows)} learners watched {watched} demonstrations of its own. They exchanged parameters alone,"
+            " which tell much of what was demonstrated."
+        )
     if any(row["success_rate"] is None for row in rows):
         yield "Nobody knows the true constraints, so that no rates of success can be told."
     else:
