@@ -30,8 +30,8 @@ def _behaviour(summary: Mapping[str, Any], rows: list[Mapping[str, Any]]) -> Ite
         yield f"The learner watched {watched} demonstrations."
     else:
         yield (
-            f"Each of {len(rows)} learners watched {watched} demonstrations of its own. They exchanged parameters alone,"
-            " which tell much of what was demonstrated."
+            f"Each of {len(rows)} learners watched {watched} demonstrations of its own. They exchanged parameters,"
+            " nothing else, and these tell much of what was demonstrated."
         )
     if any(row["success_rate"] is None for row in rows):
         yield "Nobody knows the true constraints, so that no rates of success can be told."
