@@ -32,7 +32,7 @@ from rclpy.node import Node
 from mabirds_bringup.run.processes import learner_command, player_command, start, stop
 from mabirds_core.experiment.file import load_experiment
 from mabirds_expert_player.recorder import record
-from mabirds_msgs_py.environment import prepare_environment
+from mabirds_msgs_py.environment import prepare_environment, send_to_this_host
 from mabirds_msgs_py.qos import STATUS_QOS
 
 PATROL = Path(__file__).resolve().parents[1] / "ros_ws" / "config" / "patrol.yaml"
@@ -43,7 +43,8 @@ import sys, rclpy
 from pathlib import Path
 from rclpy.executors import SingleThreadedExecutor
 from mabirds_bringup.run.recording import Recording
-from mabirds_bringup.watch.monitor import MonitorNode
+from mabirds_bringup.run.network import GLANCE
+from mabirds_bringup.watch.monitor import DEPTH, MonitorNode
 from mabirds_core.experiment.file import load_experiment
 from mabirds_msgs_py.message_loop import MessageLoop
 rclpy.init()
@@ -51,7 +52,7 @@ with Recording(Path(sys.argv[2])) as recording:
     monitor = MonitorNode(load_experiment(Path(sys.argv[1])), recording)
     loop = MessageLoop(monitor, SingleThreadedExecutor())
     while rclpy.ok():
-        loop.spin_once(0.1)
+        loop.glance(GLANCE, DEPTH)
 """
 """What `mabirds run` records with."""
 
@@ -147,6 +148,7 @@ def main() -> int:
     options = parser.parse_args()
     os.environ.setdefault("ROS_DOMAIN_ID", str(random.randrange(60, 100)))  # noqa: S311 - any free one
     prepare_environment()
+    send_to_this_host()  # as `mabirds run` does
     load_before = os.getloadavg()[0]
     results: dict[bool, list[Measured]] = {False: [], True: []}
     with tempfile.TemporaryDirectory() as folder:

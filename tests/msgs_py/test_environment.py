@@ -8,7 +8,15 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from mabirds_msgs_py.environment import FASTDDS_CHOICES, FASTDDS_PROFILE, LOOPBACK_PROFILE, prepare_environment
+from mabirds_msgs_py.environment import (
+    FASTDDS_CHOICES,
+    FASTDDS_PROFILE,
+    LOOPBACK_PROFILE,
+    ONE_HOST_PROFILE,
+    RANGE,
+    prepare_environment,
+    send_to_this_host,
+)
 
 PACKAGE = Path(__file__).resolve().parents[2] / "src" / "mabirds_msgs_py"
 SPACE = {"": "http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"}
@@ -34,17 +42,48 @@ def test_processes_of_one_host_keep_to_it_without_shared_memory() -> None:
     assert environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "SUBNET"
 
 
-def test_the_profiles_differ_in_the_addresses_only() -> None:
+def test_the_profiles_differ_in_the_addresses_and_in_what_is_sent_only() -> None:
     def settings(file: Path) -> list[str]:
         tree = ET.parse(file)  # noqa: S314 - our own file
-        transport = tree.find(".//transport_descriptor", SPACE)
-        addresses = tree.find(".//interfaceWhiteList", SPACE)
-        if transport is not None and addresses is not None:
-            transport.remove(addresses)
+        for parent, child in ((".//transport_descriptor", "interfaceWhiteList"), (".//rtps", "propertiesPolicy")):
+            inside, apart = tree.find(parent, SPACE), tree.find(f"{parent}/{child}", SPACE)
+            if inside is not None and apart is not None:
+                inside.remove(apart)
         return ["".join((node.tag, (node.text or "").strip())) for node in tree.iter()]
 
-    assert settings(LOOPBACK_PROFILE) == settings(FASTDDS_PROFILE)
+    assert settings(ONE_HOST_PROFILE) == settings(LOOPBACK_PROFILE) == settings(FASTDDS_PROFILE)
     assert "<address>127.0.0.1</address>" in LOOPBACK_PROFILE.read_text(encoding="utf-8")
+    assert "<address>" not in ONE_HOST_PROFILE.read_text(encoding="utf-8")
+    assert [sent_at_most(file) for file in (ONE_HOST_PROFILE, LOOPBACK_PROFILE)] == [None, None]
+
+
+def sent_at_most(profile: Path) -> int | None:
+    """Bytes of a datagram."""
+    tree = ET.parse(profile)  # noqa: S314 - our own file
+    properties = {
+        node.findtext("name", "", SPACE): node.findtext("value", "", SPACE)
+        for node in tree.iterfind(".//property", SPACE)
+    }
+    return int(properties["fastdds.max_message_size"]) if properties else None
+
+
+def test_who_knows_that_all_is_on_this_host_sends_large_datagrams() -> None:
+    environment: dict[str, str] = {}
+    prepare_environment(environment)
+    send_to_this_host(environment)
+    assert environment["FASTRTPS_DEFAULT_PROFILES_FILE"] == str(ONE_HOST_PROFILE)
+    before = dict(environment)
+    prepare_environment(environment)  # as children do
+    assert environment == before
+
+
+@pytest.mark.parametrize("chosen", [{RANGE: "LOCALHOST"}, dict.fromkeys(FASTDDS_CHOICES, "own")])
+def test_large_datagrams_change_no_other_choice(chosen: dict[str, str]) -> None:
+    environment = dict(chosen)
+    prepare_environment(environment)
+    before = dict(environment)
+    send_to_this_host(environment)
+    assert environment == before
 
 
 @pytest.mark.parametrize("name", FASTDDS_CHOICES)
@@ -69,7 +108,8 @@ def test_datagrams_of_the_profile_fit_an_ethernet_frame_with_room_for_a_tunnel()
     transport = ET.parse(FASTDDS_PROFILE).find(".//transport_descriptor", SPACE)  # noqa: S314 - our own file
     assert transport is not None
     assert transport.findtext("type", namespaces=SPACE) == "UDPv4"
-    assert int(transport.findtext("maxMessageSize", "", SPACE)) <= ETHERNET - HEADERS - 60
+    assert (sent_at_most(FASTDDS_PROFILE) or ETHERNET) <= ETHERNET - HEADERS - 60
+    assert int(transport.findtext("maxMessageSize", "", SPACE)) > ETHERNET, "what others send must be heard"
 
 
 def test_fast_dds_takes_the_profile_without_a_word() -> None:
@@ -109,7 +149,7 @@ def test_what_the_caller_chose_does_not_reach_the_tests() -> None:
 def test_the_profile_is_installed_with_the_package(tmp_path: Path) -> None:
     command = [sys.executable, "setup.py", "--quiet", "build", "--build-base", str(tmp_path)]
     subprocess.run(command, cwd=PACKAGE, capture_output=True, timeout=60, check=True)
-    for profile in (FASTDDS_PROFILE, LOOPBACK_PROFILE):
+    for profile in (FASTDDS_PROFILE, ONE_HOST_PROFILE, LOOPBACK_PROFILE):
         (installed,) = tmp_path.rglob(profile.name)
         assert installed.parent.name == PACKAGE.name
         assert installed.read_bytes() == profile.read_bytes()

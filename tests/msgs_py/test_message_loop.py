@@ -115,6 +115,38 @@ def test_a_flood_of_messages_lets_timers_have_their_turn(node: Node, loop: Messa
     spin_until(loop, lambda: len(ticks) > 5 and len(heard) > 10 * MOST_IN_A_ROW)
 
 
+def test_a_glance_takes_what_has_gathered_and_no_more_than_it_may(node: Node, loop: MessageLoop) -> None:
+    heard, ticks = list[str](), list[int]()
+    publisher = node.create_publisher(KeyValue, "words", latched(100))
+    node.create_subscription(KeyValue, "words", lambda message: heard.append(message.key), latched(100))
+    spin_until(loop, lambda: publisher.get_subscription_count())
+    for number in range(50):
+        publisher.publish(KeyValue(key=str(number)))
+    loop.glance(0.2, 3)
+    assert heard == ["0", "1", "2"]
+    node.create_timer(0.01, lambda: ticks.append(len(heard)))
+    loop.glance(0.2, 50)
+    assert heard == [str(number) for number in range(50)]
+    assert ticks, "timers have their turn"
+
+
+def test_a_glance_answers_services_and_hears_who_is_found_later(node: Node, loop: MessageLoop) -> None:
+    heard = list[str]()
+
+    def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        node.create_subscription(KeyValue, "words", lambda message: heard.append(message.key), latched(1))
+        return response
+
+    node.create_publisher(KeyValue, "words", latched(1)).publish(KeyValue(key="here"))
+    node.create_service(Trigger, "ask", answer)
+    client = node.create_client(Trigger, "ask")
+    assert client.wait_for_service(timeout_sec=20.0)
+    future, deadline = client.call_async(Trigger.Request()), time.monotonic() + 20.0
+    while not (heard and future.done()):
+        assert time.monotonic() < deadline, "not in time"
+        loop.glance(0.01, 10)
+
+
 def test_it_waits_no_longer_than_it_may_and_not_busily(loop: MessageLoop) -> None:
     loop.spin_once(0.0)
     begun, before, turns = time.monotonic(), time.process_time(), 0

@@ -158,7 +158,7 @@ def test_studies_come_with_the_experiments_that_they_name(wheels: dict[str, Path
 
 
 def test_the_profiles_of_fast_dds_come_too(wheels: dict[str, Path]) -> None:
-    assert {f"mabirds_msgs_py/fastdds_{kind}profile.xml" for kind in ("", "loopback_")} <= names(
+    assert {f"mabirds_msgs_py/fastdds_{kind}profile.xml" for kind in ("", "loopback_", "one_host_")} <= names(
         wheels["mabirds_msgs_py"]
     )
 

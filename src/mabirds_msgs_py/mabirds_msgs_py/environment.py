@@ -8,8 +8,11 @@ from pathlib import Path
 FASTDDS_PROFILE = Path(__file__).with_name("fastdds_profile.xml")
 """How Fast DDS sends; docs/hosts.md explains it."""
 
+ONE_HOST_PROFILE = Path(__file__).with_name("fastdds_one_host_profile.xml")
+"""The same with datagrams as large as they may be."""
+
 LOOPBACK_PROFILE = Path(__file__).with_name("fastdds_loopback_profile.xml")
-"""The same, but to and from this host only."""
+"""The same again, but to and from this host only."""
 
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 
@@ -23,8 +26,8 @@ def prepare_environment(environment: MutableMapping[str, str] = os.environ) -> N
     AMENT_PREFIX_PATH: the wheels install their index under the interpreter's prefix but do not say so.
     FASTRTPS_DEFAULT_PROFILES_FILE: the profile beside this file, where the user has made no choice about transports.
     Its datagrams fit an Ethernet frame: one that does not is lost with any of its fragments, so that large messages
-    hardly get through a link that loses frames. It is used on one host too, where it makes no difference that counts:
-    whether there will be others is not known when a process starts.
+    hardly get through a link that loses frames. Whether there will be other hosts is not known when a process starts;
+    who knows that all learn on this one says so by ``send_to_this_host``.
     ROS_AUTOMATIC_DISCOVERY_RANGE: where it is LOCALHOST, ROS adds shared memory to whatever is set, and killed
     processes leave locks in it that may keep others from hearing each other. So it becomes SUBNET, and the profile
     keeps to this host.
@@ -41,3 +44,12 @@ def prepare_environment(environment: MutableMapping[str, str] = os.environ) -> N
             environment[RANGE] = "SUBNET"
     environment.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
     environment.setdefault("HOME", str(Path.cwd()))
+
+
+def send_to_this_host(environment: MutableMapping[str, str] = os.environ) -> None:
+    """Let this process, and those that it starts, send large datagrams, unless the user has chosen transports.
+
+    Others may still listen from other hosts. To be called before ROS is started.
+    """
+    if environment.get("FASTRTPS_DEFAULT_PROFILES_FILE") == str(FASTDDS_PROFILE):
+        environment["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(ONE_HOST_PROFILE)

@@ -5,6 +5,7 @@ millisecond for a message. Here subscriptions are taken from directly, and what 
 events and guard conditions wake the loop, too, and are then the executor's to call.
 """
 
+import time
 from collections.abc import Iterable
 from contextlib import ExitStack
 from typing import Any
@@ -60,6 +61,40 @@ class MessageLoop:
         if not ready or self._in_a_row > MOST_IN_A_ROW:
             self._in_a_row, self._entities = 0, None  # what the executor calls may add something to wait for
             self._executor.spin_once(timeout_sec=0)
+
+    def glance(self, pause: float, most: int) -> None:
+        """Let messages gather for a while and take them all at once: cheaper than each when it comes.
+
+        Parameters
+        ----------
+        pause : float
+            Seconds.
+        most : int
+            Messages that are taken of a topic; others wait, or are replaced by newer ones, as its QoS says.
+
+        Raises
+        ------
+        ExternalShutdownException
+            The context was shut down meanwhile.
+        """
+        time.sleep(pause)
+        for _ in range(MOST_IN_A_ROW):
+            self._require_context()
+            self._gather()  # what was called last may have added something
+            for pointer in self._wait(0):
+                subscription, taken = self._subscriptions[pointer], 0
+                while taken < most and self._take(subscription):
+                    taken += 1
+            if not self._others_are_due():
+                break
+            self._executor.spin_once(timeout_sec=0)
+
+    def _others_are_due(self) -> bool:
+        """Has anything but messages come of the last wait?"""
+        wait_set = self._wait_set
+        return any(wait_set.get_ready_entities(kind) for kind, _ in self._entities) or any(
+            waitable.is_ready(wait_set) for waitable in self._waitables
+        )
 
     def _require_context(self) -> None:
         if not self._context.ok():
@@ -125,10 +160,12 @@ class MessageLoop:
                 guard._executor_triggered = True  # noqa: SLF001
 
     @staticmethod
-    def _take(subscription: Any) -> None:
+    def _take(subscription: Any) -> bool:
+        """Take a message, if there is any."""
         taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
         if taken is not None:
             subscription.callback(taken[0])
+        return taken is not None
 
     def close(self) -> None:
         """Let go of everything."""

@@ -21,5 +21,5 @@ def test_parameters_survive_serialisation_to_the_last_bit() -> None:
 
 
 def test_the_profiles_of_fast_dds_come_with_the_package() -> None:
-    for profile in (environment.FASTDDS_PROFILE, environment.LOOPBACK_PROFILE):
+    for profile in (environment.FASTDDS_PROFILE, environment.ONE_HOST_PROFILE, environment.LOOPBACK_PROFILE):
         assert "<profiles" in Path(profile).read_text(encoding="utf-8")

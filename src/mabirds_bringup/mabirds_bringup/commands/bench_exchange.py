@@ -51,10 +51,11 @@ def measured(iterations: int, repetitions: int, *, small: bool = False, large: b
     from mabirds_bringup.bench.exchange.cases import CASES, LARGE, SMALL
     from mabirds_bringup.bench.exchange.compare import compare, targets
     from mabirds_bringup.bench.report import machine
-    from mabirds_msgs_py.environment import prepare_environment
+    from mabirds_msgs_py.environment import prepare_environment, send_to_this_host
 
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     prepare_environment()
+    send_to_this_host()  # as `mabirds run` does
     cases = SMALL if small else (*CASES, *(LARGE if large else ()))
     results = {case.name: compare(case, iterations, 1 if small else repetitions) for case in cases}
     versions = machine("numpy", "ros-jazzy-rclpy", "ros-rclpy", "ros-jazzy-rmw-fastrtps-cpp")

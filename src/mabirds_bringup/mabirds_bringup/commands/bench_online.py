@@ -49,10 +49,11 @@ def measured(iterations: int, repetitions: int) -> dict[str, Any]:
     import mabirds_bringup
     from mabirds_bringup.bench.online.compare import compare, targets
     from mabirds_bringup.bench.report import machine
-    from mabirds_msgs_py.environment import prepare_environment
+    from mabirds_msgs_py.environment import prepare_environment, send_to_this_host
 
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     prepare_environment()
+    send_to_this_host()  # as `mabirds run` does
     config = Path(mabirds_bringup.__file__).parent / "config"
     files = {Path(name).stem: config / Path(name).name for name in EXPERIMENTS}
     results = {name: compare(file, iterations, repetitions) for name, file in files.items()}

@@ -59,11 +59,12 @@ def measured(iterations: int, repetitions: int, *, small: bool = False) -> dict[
     from mabirds_bringup.bench.scale.fit import targets, told
     from mabirds_bringup.bench.scale.measure import network, solved
     from mabirds_bringup.run.processes import ONE_THREAD
-    from mabirds_msgs_py.environment import prepare_environment
+    from mabirds_msgs_py.environment import prepare_environment, send_to_this_host
 
     os.environ.update(ONE_THREAD)
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     prepare_environment()
+    send_to_this_host()  # as `mabirds run` does
     sweeps, learners = (SMALL_SWEEPS, SMALL_LEARNERS) if small else (SWEEPS, LEARNERS)
     results: dict[str, Any] = {}
     pool = ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"), max_tasks_per_child=1)

@@ -11,7 +11,8 @@ import typer
 from mabirds_bringup import exit_codes
 from mabirds_bringup.commands.options import ExperimentFile
 from mabirds_bringup.console import console, ending_as_interrupted, guarded_output
-from mabirds_bringup.watch.spinning import Glances, looking, step_back
+from mabirds_bringup.priority import step_back
+from mabirds_bringup.watch.spinning import NICE, Glances, looking
 from mabirds_core.experiment.file import load_experiment
 from mabirds_msgs_py.security import SecurityError, is_requested
 
@@ -37,7 +38,7 @@ def draw(
             "--demonstrations: with security on, learners alone may hear what they are shown; leave it out"
         )
     experiment = load_experiment(file)
-    step_back()
+    step_back(NICE)
     create = partial(DrawingNode, experiment, frame, rate, demonstrations=demonstrations)
     with (
         guarded_output(),

@@ -12,13 +12,14 @@ from mabirds_bringup import exit_codes
 from mabirds_bringup.commands import inspect_topics
 from mabirds_bringup.commands.options import Json
 from mabirds_bringup.console import console, ending_as_interrupted, guarded_output, print_json
+from mabirds_bringup.priority import step_back
 from mabirds_bringup.watch.described import describe, describe_parameters
 from mabirds_bringup.watch.drawn_costs import CostsInspectorNode
 from mabirds_bringup.watch.inspector import InspectorNode, WatchedLearner
 from mabirds_bringup.watch.overview import overview
 from mabirds_bringup.watch.player_view import content as player_content
 from mabirds_bringup.watch.recent import RecentParameters
-from mabirds_bringup.watch.spinning import Glances, looking, step_back
+from mabirds_bringup.watch.spinning import NICE, Glances, looking
 from mabirds_core.errors import ExperimentError
 from mabirds_core.texts import sanitize
 from mabirds_learner.learner_session import DEMONSTRATION
@@ -60,7 +61,7 @@ def inspect(
         return
     if as_json and not once:
         raise ExperimentError("--json prints one object and needs --once")
-    step_back()
+    step_back(NICE)
     with suppress(BrokenPipeError), guarded_output() as stdout, ending_as_interrupted():
         if once:
             code = _inspect_once(top, timeout, stdout, as_json=as_json)

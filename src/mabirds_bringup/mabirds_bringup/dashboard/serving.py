@@ -8,7 +8,8 @@ from rclpy.signals import SignalHandlerOptions
 
 from mabirds_bringup.dashboard.board import Board
 from mabirds_bringup.dashboard.page import make_page
-from mabirds_bringup.watch.spinning import step_back
+from mabirds_bringup.priority import step_back
+from mabirds_bringup.watch.spinning import NICE
 from mabirds_core.experiment.file import Experiment
 from mabirds_msgs_py.security import enclave_arguments, start_ros
 
@@ -27,7 +28,7 @@ def serve(experiment: Experiment, host: str, port: int, key: str) -> None:
     key : str
         For those who may control the player.
     """
-    step_back()
+    step_back(NICE)
     os.environ.setdefault("ROS_SUPER_CLIENT", "TRUE")  # as of `mabirds inspect`
     start_ros(["--ros-args", *enclave_arguments("/dashboard")], signal_handler_options=SignalHandlerOptions.NO)
     try:

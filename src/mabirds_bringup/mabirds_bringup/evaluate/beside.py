@@ -8,7 +8,6 @@ learning has ended; the summary is then printed as JSON. It ends with who starte
 """
 
 import json
-import os
 import select
 import sys
 import threading
@@ -23,6 +22,7 @@ from mabirds_bringup.commands.report import Ready, report_on
 from mabirds_bringup.console import guarded_output, print_json
 from mabirds_bringup.evaluate.evaluation import judge_finals
 from mabirds_bringup.evaluate.policies import PolicyJudge, Task
+from mabirds_bringup.priority import set_niceness
 from mabirds_bringup.run.run_directory import JudgedRows
 from mabirds_bringup.run.stored_run import StoredRun, load_run
 from mabirds_core.errors import MabirdsError
@@ -55,7 +55,7 @@ class Beside(threading.Thread):
 
     def run(self) -> None:
         """Judge until all is judged, or until the end. What goes wrong is told by who writes the results."""
-        _set_niceness(self.native_id, LOW)
+        set_niceness(LOW)
         with suppress(MabirdsError, OSError), self._stored.open_history() as kept:
             judge = PolicyJudge(self._stored.experiment)
             judge.prepare()
@@ -77,7 +77,7 @@ class Beside(threading.Thread):
     def end(self) -> Ready | None:
         """Judge no more, and hand over what is ready."""
         self._ended.set()
-        _set_niceness(self.native_id, 0)  # somebody waits for it
+        set_niceness(0, self.native_id or 0)  # somebody waits for it
         self.join()
         return self.ready
 
@@ -89,13 +89,6 @@ def _due(waiting: Sequence[tuple[int, str]], parameters: Mapping[str, Parameters
     newest = max(log.newest for log in parameters.values())
     reached = takewhile(lambda task: task[0] <= newest, waiting)
     return next(((n, name) for n, name in reached if n in parameters[name]), None)
-
-
-def _set_niceness(thread: int | None, niceness: int) -> None:
-    """Of one thread, which Linux can; back to 0 only where that is allowed."""
-    if sys.platform == "linux" and thread is not None:
-        with suppress(OSError):
-            os.setpriority(os.PRIO_PROCESS, thread, niceness)
 
 
 def anticipate(stored: StoredRun, ready: Ready | None) -> None:

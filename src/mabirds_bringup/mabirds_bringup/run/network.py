@@ -20,7 +20,7 @@ from mabirds_bringup.run.farewell import SHUTDOWN_TIMEOUT, Farewell
 from mabirds_bringup.run.processes import PLAYER
 from mabirds_bringup.run.recording import Recording
 from mabirds_bringup.run.supervisor import Supervisor
-from mabirds_bringup.watch.monitor import OTHER_EXPERIMENT, MonitorNode
+from mabirds_bringup.watch.monitor import DEPTH, OTHER_EXPERIMENT, MonitorNode
 from mabirds_bringup.watch.watched_history import DIRECTORY
 from mabirds_core.consensus.schedule import DeliveredEdges
 from mabirds_core.errors import ExperimentError, MabirdsError
@@ -29,6 +29,7 @@ from mabirds_core.experiment.simulate import History
 from mabirds_msgs_py.addresses import AddressWatch
 from mabirds_msgs_py.clock_watch import SetBack, waking
 from mabirds_msgs_py.declaration_key import make_key, read_key
+from mabirds_msgs_py.environment import send_to_this_host
 from mabirds_msgs_py.message_loop import MessageLoop
 from mabirds_msgs_py.security import enclave_arguments, start_ros
 
@@ -36,7 +37,10 @@ KEY = "declaration.key"
 """Name of the file with the key of declarations, in a run directory."""
 
 TICK = 0.1
-"""Seconds after which the children are looked at, even if no message comes."""
+"""Seconds of one turn while nobody learns."""
+
+GLANCE = 0.05
+"""Seconds for which messages gather before they are taken, and between two looks at the children."""
 
 
 OnTick = Callable[[MonitorNode, Supervisor, Sequence[str]], None]
@@ -110,6 +114,8 @@ class Network:
         """
         # Before the participant is made, which keeps addresses that there are.
         addresses, clock = AddressWatch(), SetBack()
+        if not self.only:
+            send_to_this_host()
         start_ros(["--ros-args", *enclave_arguments("/monitor")], signal_handler_options=SignalHandlerOptions.NO)
         before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # end as on Ctrl-C: nothing left behind
         supervisor = Supervisor(self._commands(), self.directory / "logs", self.restarts, self._optional)
@@ -133,7 +139,7 @@ class Network:
                     closing(MessageLoop(monitor, executor)) as loop,
                 ):
                     while not (monitor.finished and farewell.is_over()):
-                        loop.spin_once(TICK)
+                        loop.glance(GLANCE, DEPTH)
                         news = [*supervisor.poll(monitor.statuses, is_done), *recording.news, *farewell.news]
                         news += self._heal(supervisor, monitor)
                         recording.news.clear()

@@ -1,7 +1,6 @@
 """A node of ours for as long as a command looks at a network."""
 
 import os
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -18,14 +17,8 @@ from mabirds_msgs_py.security import enclave_arguments, start_ros
 NICE = 10
 """By how much those who learn go before those who look."""
 
-
-PAUSE, TURNS = 0.1, 5
+PAUSE, MOST = 0.1, 5
 """Seconds between two glances, and messages of one topic that are taken in each."""
-
-
-def step_back() -> None:
-    """Leave the processor to those who learn."""
-    os.nice(NICE)
 
 
 class Glances:
@@ -44,9 +37,7 @@ class Glances:
 
     def glance(self) -> None:
         """Wait PAUSE seconds, then take what is there."""
-        time.sleep(PAUSE)
-        for _ in range(TURNS):
-            self._loop.spin_once(0.0)
+        self._loop.glance(PAUSE, MOST)
 
     def close(self) -> None:
         """Let go of the node."""
