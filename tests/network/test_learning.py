@@ -1,6 +1,7 @@
 """Learner and player nodes together: on both executors in one process, and as processes, bit for bit as in process."""
 
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,8 @@ from mabirds_bringup.watch.inspector import InspectorNode
 from mabirds_bringup.watch.monitor import MonitorNode
 from mabirds_core.experiment.file import load_experiment
 from mabirds_core.metrics.curves import late_minimum
+from mabirds_learner.checkpoint import CONFIDENCES
+from mabirds_learner.parameters_log import VectorLog
 from mabirds_msgs_py.bag_writer import BagWriter
 from mabirds_msgs_py.qos import latched
 
@@ -99,12 +102,17 @@ def test_patrol_as_processes_equals_the_reference(tmp_path: Path, rate: float, r
     experiment = load_experiment(PATROL)
     order = [*experiment.learners, PLAYER][:: -1 if reverse else 1]
     (tmp_path / "logs").mkdir()
-    history, delivered, *_ = Network(experiment, PATROL, tmp_path, {"rate": rate}, order).run()
+    history, delivered, *_ = Network(experiment, PATROL, tmp_path, {"rate": rate}, order, shared_run="here").run()
     rounds = experiment.iterations + experiment.closing_rounds
     found = audit(experiment.edge_schedule, delivered, rounds)
     assert found == {"iterations": rounds, "edge_mismatches": [], "connectivity_window": 2}
     assert len(history["learner_1"]) == rounds + 1
     assert_same_histories(history, simulate_from_bag(experiment))
+    judged = evaluate(experiment, history, demonstrations_of(experiment)).constraints
+    for name in experiment.learners:
+        file, whose = tmp_path / "checkpoints" / name / CONFIDENCES, experiment.run_digest("here")
+        with closing(VectorLog(file, len(judged[name].learned), whose)) as told:
+            assert told[rounds + 1].tobytes() == judged[name].confidences.tobytes(), "what judges make use of"
 
 
 @pytest.mark.parametrize("planner", ["lattice", "soft_actor_critic"])

@@ -9,6 +9,7 @@ go of what it holds.
 import fcntl
 import os
 from collections.abc import Mapping
+from contextlib import AbstractContextManager, closing, suppress
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
@@ -16,14 +17,17 @@ import numpy as np
 from safetensors.numpy import load, save
 
 from mabirds_core.algorithm.parameters import Parameters
-from mabirds_core.arrays import Array
+from mabirds_core.arrays import Array, Vector
 from mabirds_core.errors import CheckpointError
 from mabirds_learner.journal import COMPLETE, Found, Journal, read_journal, synchronise_directory
-from mabirds_learner.parameters_log import SUFFIX, ParametersLog
+from mabirds_learner.parameters_log import SUFFIX, ParametersLog, VectorLog
 from mabirds_learner.records import HEADER, Buffer, Record, words_of
 
 JOURNAL, PARAMETERS, LOCK = "journal", f"parameters{SUFFIX}", "lock"
 """Names of files in the directory of a learner."""
+
+CONFIDENCES = f"confidences{SUFFIX}"
+"""Name of the file of how sure a learner was of each constraint in the end."""
 
 FORMAT = "mabirds-journal-1"
 
@@ -124,6 +128,22 @@ class CheckpointStore:
         self._journal.close()
         self.parameters.close()
         os.close(self._lock)
+
+    def keep_confidences(self, iteration: int, confidences: Vector) -> None:
+        """Write down how sure the learner is, so that who judges need not find it out again; lost if there is no room.
+
+        Parameters
+        ----------
+        iteration : int
+            n.
+        confidences : Vector
+            That each cost feature is a constraint, shape (K,).
+        """
+        with suppress(CheckpointError), self._confidences(len(confidences)) as log:
+            log[iteration] = confidences
+
+    def _confidences(self, size: int) -> AbstractContextManager[VectorLog]:
+        return closing(VectorLog(self.directory / CONFIDENCES, size, self._whose.experiment_digest))
 
     def save(self, iteration: int, arrays: Mapping[str, Array]) -> None:
         """Write one checkpoint, whole and on the disk when this returns.

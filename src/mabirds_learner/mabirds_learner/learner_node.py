@@ -187,6 +187,8 @@ class LearnerNode(ProgressNode):
         confidences = self.session.constraint_confidences() if self.session.finished else None
         if confidences is None:
             return ""
+        if self._checkpoints:
+            self._checkpoints.keep_confidences(self.session.iteration, confidences)
         names, level = self.game.cost_features.names, self.experiment.constraint_confidence
         message = constraints_message(names, confidences, level)
         message.stamp, message.learner, message.iteration = self.stamp(), self.learner_name, self.session.iteration

@@ -7,21 +7,26 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
+import numpy as np
 import psutil
 import pytest
 
 from mabirds_bringup.commands.report import report
 from mabirds_bringup.commands.simulate import simulate, simulate_from_bag
-from mabirds_bringup.evaluate.beside import Beside
-from mabirds_bringup.evaluate.evaluation import tasks_of
+from mabirds_bringup.evaluate.beside import Beside, told_confidences
+from mabirds_bringup.evaluate.constraints import Constraints
+from mabirds_bringup.evaluate.evaluation import judge_finals, tasks_of
 from mabirds_bringup.evaluate.parallel import judge_all, judge_in_parallel
 from mabirds_bringup.evaluate.policies import LearnerMetrics, PolicyJudge, Task
 from mabirds_bringup.run.judging import Judging
 from mabirds_bringup.run.run_directory import METRICS, JudgedRows, read_judged
 from mabirds_bringup.run.stored_run import load_run
+from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.experiment.file import load_experiment
+from mabirds_learner.checkpoint import CONFIDENCES, CheckpointMetadata, CheckpointStore
 
 PATIENCE = 60.0
 
@@ -90,6 +95,33 @@ def test_results_come_at_once_where_nothing_was_judged(beginning: Path, afterwar
     with Judging(beginning) as judging:
         assert judging.results(1.0, [], None) is not None
     assert (beginning / METRICS).read_bytes() == (afterwards / METRICS).read_bytes()
+
+
+def test_what_learners_found_of_their_constraints_is_not_looked_for_again(finished: Path, tmp_path: Path) -> None:
+    directory = Path(shutil.copytree(finished, tmp_path / "told"))
+    stored = load_run(directory)
+    judge, last = PolicyJudge(stored.experiment), stored.last
+    with stored.open_history() as kept:
+        final = {name: log[last] for name, log in kept.parameters.items()}
+    tested = judge_finals(judge, final, {}).constraints
+    told = np.linspace(0.0, 1.0, len(tested["learner_1"].learned))
+    for name, iteration in (("learner_1", last), ("learner_2", last - 1)):
+        whose = CheckpointMetadata(name, stored.digest, "schedule")
+        with closing(CheckpointStore(stored.checkpoints / name, whose, final[name], 1)) as checkpoints:
+            checkpoints.keep_confidences(iteration, told)
+    judge.told = told_confidences(stored, judge)
+    found = judge_finals(judge, final, {}).constraints
+    assert np.array_equal(found["learner_1"].confidences, told)
+    assert same(found["learner_2"], tested["learner_2"]), "of an earlier iteration"
+    others = {name: Parameters(theta + 1, omega) for name, (theta, omega) in final.items()}
+    assert not np.array_equal(judge_finals(judge, others, {}).constraints["learner_1"].confidences, told)
+    assert same(judge_finals(judge, final, {}, updates=1).constraints["learner_2"], tested["learner_2"]) is False
+    (stored.checkpoints / "learner_1" / CONFIDENCES).write_bytes(b"of another run")
+    assert told_confidences(stored, judge) == {}
+
+
+def same(left: Constraints, right: Constraints) -> bool:
+    return np.array_equal(left.confidences, right.confidences)
 
 
 def test_a_killed_judge_leaves_what_it_judged_and_the_next_goes_on(

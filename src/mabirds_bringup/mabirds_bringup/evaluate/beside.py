@@ -12,7 +12,7 @@ import select
 import sys
 import threading
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
 from itertools import takewhile
 from pathlib import Path
 
@@ -21,12 +21,14 @@ from mabirds_bringup.commands.demonstrations import demonstrations_at_hand
 from mabirds_bringup.commands.report import Ready, report_on
 from mabirds_bringup.console import guarded_output, print_json
 from mabirds_bringup.evaluate.evaluation import judge_finals
-from mabirds_bringup.evaluate.policies import PolicyJudge, Task
+from mabirds_bringup.evaluate.policies import PolicyJudge, Task, ToldConfidences
 from mabirds_bringup.priority import set_niceness
 from mabirds_bringup.run.run_directory import JudgedRows
 from mabirds_bringup.run.stored_run import StoredRun, load_run
-from mabirds_core.errors import MabirdsError
-from mabirds_learner.parameters_log import ParametersLog
+from mabirds_core.algorithm.parameters import Parameters
+from mabirds_core.errors import CheckpointError, MabirdsError
+from mabirds_learner.checkpoint import CONFIDENCES
+from mabirds_learner.parameters_log import ParametersLog, VectorLog
 from mabirds_msgs_py.supervised import end_with_supervisor
 
 LOW = 19
@@ -91,21 +93,50 @@ def _due(waiting: Sequence[tuple[int, str]], parameters: Mapping[str, Parameters
     return next(((n, name) for n, name in reached if n in parameters[name]), None)
 
 
-def anticipate(stored: StoredRun, ready: Ready | None) -> None:
+def anticipate(stored: StoredRun, ready: Ready) -> None:
     """Judge the last parameters while the processes of the run are stopped.
 
     Parameters
     ----------
     stored : StoredRun
         All of which is learned.
-    ready : Ready or None
-        None where it could not be made.
+    ready : Ready
+        Keeps what is found.
     """
+    if final := _final(stored):
+        ready.judge.told = told_confidences(stored, ready.judge)
+        judge_finals(ready.judge, final, ready.demonstrations)
+
+
+def _final(stored: StoredRun) -> dict[str, Parameters]:
+    """What learners ended with; empty where it is not known of all."""
     with stored.open_history() as kept:
-        if ready and all(stored.last in log for log in kept.parameters.values()):
-            judge_finals(
-                ready.judge, {name: log[stored.last] for name, log in kept.parameters.items()}, ready.demonstrations
-            )
+        whole = all(stored.last in log for log in kept.parameters.values())
+        return {name: log[stored.last] for name, log in kept.parameters.items()} if whole else {}
+
+
+def told_confidences(stored: StoredRun, judge: PolicyJudge) -> dict[str, ToldConfidences]:
+    """What learners of this host have written down of their constraints, which takes as long to find as to learn.
+
+    Parameters
+    ----------
+    stored : StoredRun
+        The run.
+    judge : PolicyJudge
+        Of its experiment.
+
+    Returns
+    -------
+    dict[str, ToldConfidences]
+        Of those who have ended and told.
+    """
+    size, told = len(judge.game.cost_features.names), dict[str, ToldConfidences]()
+    for name, parameters in _final(stored).items():
+        if (file := stored.checkpoints / name / CONFIDENCES).is_file():
+            with suppress(CheckpointError), closing(VectorLog(file, size, stored.digest)) as log:
+                if stored.last in log:
+                    told[name] = ToldConfidences(parameters, log[stored.last])
+    return told
 
 
 def main(directory: Path) -> int:
@@ -118,11 +149,13 @@ def main(directory: Path) -> int:
             beside.start()
             while beside.is_alive() and not select.select([sys.stdin], [], [], PERIOD)[0]:
                 pass
-            if not beside.is_alive():
+            if not beside.is_alive() and beside.ready:
                 anticipate(stored, beside.ready)
             if not (request := sys.stdin.readline()):
                 return EXIT_FAILED  # nobody wants results
-            print_json(report_on(stored, **json.loads(request), ready=beside.end()), stdout)
+            if ready := beside.end():
+                ready.judge.told = told_confidences(stored, ready.judge)
+            print_json(report_on(stored, **json.loads(request), ready=ready), stdout)
         except MabirdsError:
             return EXIT_FAILED
     return 0

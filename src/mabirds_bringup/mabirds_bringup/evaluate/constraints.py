@@ -42,19 +42,14 @@ def learned_constraints(
     demonstrations: Streams,
     game: Game,
     updates: int | None = None,
+    confidences: Vector | None = None,
 ) -> Constraints:
     """What ``name`` takes for constraints; by the threshold where there is no test, or are no demonstrations.
 
-    ``updates``: as of ``judge_finals``.
+    ``updates``: as of ``judge_finals``. ``confidences``: of the test, where they are known.
     """
-    confidences, reward = None, reward_of(experiment, name, game)
-    if isinstance(reward, RewardWithShown):
-        count = len(experiment.learners) * experiment.iterations if updates is None else updates
-        shown: ShownFeatures | None = reward.shown(parameters.theta, count)
-    else:
-        shown = _shown(experiment, name, demonstrations, game)
-    if shown is not None and reward is not None:
-        confidences = game.judge.constraint_confidences(reward, parameters, shown)
+    if confidences is None:
+        confidences = _tested(experiment, name, parameters, demonstrations, game, updates)
     if confidences is None:
         learned, scores = by_threshold(parameters.omega, experiment.constraint_threshold), -parameters.omega
     else:
@@ -63,6 +58,27 @@ def learned_constraints(
     if truth is None:
         return Constraints(learned, confidences, None, None)
     return Constraints(learned, confidences, constraint_errors(learned, truth), ranking_auc(scores, truth))
+
+
+def _tested(
+    experiment: Experiment,
+    name: str,
+    parameters: Parameters,
+    demonstrations: Streams,
+    game: Game,
+    updates: int | None,
+) -> Vector | None:
+    """Confidences of the game's test."""
+    reward = reward_of(experiment, name, game)
+    if isinstance(reward, RewardWithShown):
+        count = len(experiment.learners) * experiment.iterations if updates is None else updates
+        shown: ShownFeatures | None = reward.shown(parameters.theta, count)
+    else:
+        shown = _shown(experiment, name, demonstrations, game)
+    if shown is None or reward is None:
+        return None
+    confidences: Vector | None = game.judge.constraint_confidences(reward, parameters, shown)
+    return confidences
 
 
 def _shown(experiment: Experiment, name: str, demonstrations: Streams, game: Game) -> ShownFeatures | None:

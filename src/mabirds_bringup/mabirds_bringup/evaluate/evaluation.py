@@ -151,11 +151,20 @@ def judge_finals(
         Of all.
     """
     experiment, game, policies = judge.experiment, judge.game, judge.policies(final)
+    whole = updates in {None, len(experiment.learners) * experiment.iterations}  # else learners may know of others
     return Finals(
         policies,
         game.judge.distance([*policies.values()], experiment.seed),
         {
-            name: learned_constraints(experiment, name, last, demonstrations, game, updates)
+            name: learned_constraints(
+                experiment,
+                name,
+                last,
+                demonstrations,
+                game,
+                updates,
+                judge.told_confidences(name, last) if whole else None,
+            )
             for name, last in final.items()
         },
         {name: distance_to_experts(experiment, game, policy, judge.held_out) for name, policy in policies.items()},

@@ -4,9 +4,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
+
 from mabirds_bringup.evaluate.held_out import draw_held_out
 from mabirds_bringup.evaluate.verdicts import Verdict, numbers_of, verdict
 from mabirds_core.algorithm.parameters import Parameters
+from mabirds_core.arrays import Vector
 from mabirds_core.experiment.assembly import build_game, evaluation_policy
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.planners.interface import Policy
@@ -54,6 +57,21 @@ class Task(NamedTuple):
         return self.learner, self.iteration
 
 
+class ToldConfidences(NamedTuple):
+    """How sure a learner that has made all updates is of each constraint.
+
+    Attributes
+    ----------
+    parameters : Parameters
+        By which it is.
+    confidences : Vector
+        That each cost feature is a constraint, shape (K,).
+    """
+
+    parameters: Parameters
+    confidences: Vector
+
+
 class PolicyJudge:
     """Judges policies of an experiment, each alone and alike in any order and process.
 
@@ -61,6 +79,11 @@ class PolicyJudge:
     ----------
     experiment : Experiment
         What is learned.
+
+    Attributes
+    ----------
+    told : Mapping[str, ToldConfidences]
+        What learners have found out themselves.
     """
 
     def __init__(self, experiment: Experiment) -> None:
@@ -68,6 +91,7 @@ class PolicyJudge:
         self.held_out = draw_held_out(experiment, self.game)
         self._meanings: dict[str, Callable[[Parameters], Policy]] = {}
         self._final: dict[bytes, Policy] = {}
+        self.told: Mapping[str, ToldConfidences] = {}
 
     def prepare(self) -> None:
         """Find out, and keep, what is known of experts before anything is learned."""
@@ -88,6 +112,12 @@ class PolicyJudge:
             if numbers[name] not in self._final:
                 self._final[numbers[name]] = self.policy(name, parameters)
         return {name: self._final[numbers[name]] for name in final}
+
+    def told_confidences(self, learner: str, parameters: Parameters) -> Vector | None:
+        """What a learner has found of these parameters, if it has told."""
+        told = self.told.get(learner)
+        same = told is not None and all(map(np.array_equal, told.parameters, parameters))
+        return told.confidences if told and same else None
 
     def row(self, task: Task) -> LearnerMetrics:
         """Metrics of one learner at one iteration."""
