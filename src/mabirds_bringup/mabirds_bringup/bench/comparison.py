@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from mabirds_bringup.bench.gradient import gradient_norm
 from mabirds_bringup.evaluate.constraints import learned_constraints
 from mabirds_bringup.evaluate.evaluation import distance_to_experts
 from mabirds_bringup.evaluate.held_out import HeldOut, draw_held_out
@@ -21,6 +22,7 @@ from mabirds_core.games.truth import known_constraints
 from mabirds_core.games.whole_game import Game
 from mabirds_core.metrics.constraints import constraint_errors
 from mabirds_core.metrics.curves import LATE
+from mabirds_core.planners.interface import Policy
 
 DECIDABLE_AT = 0.99
 """A constraint is decidable where experts without it would have been seen to touch it with this probability."""
@@ -83,7 +85,7 @@ class Comparison:
         return cls(experiment, game, streams, held_out, max(found.final, found.best), touch_without(tabular))
 
     def measures(
-        self, name: str, parameters: Parameters, policy: object, rates: Mapping[int, ImitationMetrics]
+        self, name: str, parameters: Parameters, policy: Policy, rates: Mapping[int, ImitationMetrics]
     ) -> dict[str, float]:
         """Of a learner or method; what cannot be said is left out.
 
@@ -93,7 +95,7 @@ class Comparison:
             Of the learner or method.
         parameters : Parameters
             theta and omega in the end.
-        policy : object
+        policy : Policy
             Which they mean.
         rates : Mapping[int, ImitationMetrics]
             By iteration that was judged, in order; 0 is theta(1).
@@ -104,8 +106,9 @@ class Comparison:
             ``late_success``, the least SR of the last iterations; ``success_after_20`` and ``success_after_40``, that
             after EARLY and SETTLED iterations; ``last_ten_change``, by how much the mean SR of the LAST differs from
             the last; ``expert_nats`` per demonstration, ``nats_below_optimum``, and of fixed policies ``fixed_nats``,
-            their best; ``occupancy_distance`` to the experts; of the game's test of constraints ``called``,
-            ``tested_fdr``, ``auc`` and ``decidable_found``.
+            their best; ``occupancy_distance`` to the experts; ``gradient_norm`` on the demonstrations of all,
+            where it is found by rollouts; of the game's test of constraints ``called``, ``tested_fdr``, ``auc`` and
+            ``decidable_found``.
         """
         success, last = {n: rate.success_rate for n, rate in rates.items()}, max(rates)
         nats = self.held_out.log_likelihood(self.game, policy)
@@ -118,6 +121,7 @@ class Comparison:
             "fixed_nats": max(self.held_out.fixed_log_likelihoods(self.game, policy).values(), default=None),
             "expert_nats": self.held_out.log_likelihood(self.game, self.held_out.experts),
             "nats_below_optimum": None if nats is None or self.best is None else self.best - nats,
+            "gradient_norm": gradient_norm(self.experiment, name, parameters, policy, self.streams),
             "occupancy_distance": distance_to_experts(self.experiment, self.game, policy, self.held_out),
             **self._constraints(name, parameters),
         }
