@@ -9,6 +9,10 @@ from mabirds_core.experiment.file import Experiment
 from mabirds_core.games.whole_game import Game
 
 
+ROLLOUTS = 2000
+"""Of those who judge by rollouts: a rate of .97 is then known to .004."""
+
+
 class Verdict(NamedTuple):
     """One judging planner's.
 
@@ -130,7 +134,7 @@ def verdict(experiment: Experiment, game: Game, name: str, planner: str, paramet
     """
     judge, seed = game.judge, experiment.seed
     policy = _planners(experiment, game, name)[planner].plan(*parameters)
-    violation, success = judge.imitation(policy, seed) or (None, None)
+    violation, success = judge.imitation(policy, seed, ROLLOUTS) or (None, None)
     return Verdict(violation, success, judge.value(policy, seed), judge.certificate(policy, seed))
 
 
