@@ -16,7 +16,7 @@ import pytest
 
 from mabirds_bringup.commands.report import report
 from mabirds_bringup.commands.simulate import simulate, simulate_from_bag
-from mabirds_bringup.evaluate.beside import Beside, told_confidences
+from mabirds_bringup.evaluate.beside import LOW, Beside, told_confidences
 from mabirds_bringup.evaluate.constraints import Constraints
 from mabirds_bringup.evaluate.evaluation import judge_finals, tasks_of
 from mabirds_bringup.evaluate.parallel import judge_all, judge_in_parallel
@@ -198,8 +198,8 @@ def test_the_judging_thread_lets_others_go_first(beginning: Path, finished: Path
     beside = Beside(load_run(beginning))
     beside.start()
     wait_until(lambda: rows_of(beginning) == 2, "nothing is judged")
-    assert os.getpriority(os.PRIO_PROCESS, beside.native_id or 0) == 19
-    assert os.getpriority(os.PRIO_PROCESS, 0) < 19
+    assert os.getpriority(os.PRIO_PROCESS, beside.native_id or 0) == LOW
+    assert os.getpriority(os.PRIO_PROCESS, 0) < LOW
     beside.end()
 
 

@@ -31,7 +31,7 @@ from mabirds_learner.checkpoint import CONFIDENCES
 from mabirds_learner.parameters_log import ParametersLog, VectorLog
 from mabirds_msgs_py.supervised import end_with_supervisor
 
-LOW = 19
+LOW = 10
 """Niceness of the thread that judges: all others go before it."""
 
 PERIOD = 0.05
