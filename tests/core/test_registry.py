@@ -126,7 +126,7 @@ def test_an_entry_point_of_no_package_has_an_unknown_origin() -> None:
 
 
 def test_groups_are_told_to_users_by_what_they_hold() -> None:
-    held = ["games", "rewards", "planners", "methods", "schedules", "mixers", "step rules"]
+    held = ["games", "rewards", "costs", "planners", "methods", "schedules", "mixers", "step rules"]
     assert dict(GROUPS) == {f"mabirds.{name.replace(' ', '_')}": name for name in held}
 
 

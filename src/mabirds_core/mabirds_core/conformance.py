@@ -19,6 +19,7 @@ from mabirds_core.baselines.interface import CentralMethod
 from mabirds_core.consensus.generators import complete_edges, static
 from mabirds_core.consensus.mixer import AnyMixer
 from mabirds_core.consensus.schedule import EdgeSchedule
+from mabirds_core.costs.models import CostModel
 from mabirds_core.errors import ImpossibleTrajectoryError
 from mabirds_core.games.interface import FeatureMap, Trajectories, Visitation, discounted_visitation
 from mabirds_core.games.whole_game import Game
@@ -168,6 +169,36 @@ def check_reward(model: RewardModel, game: Game, seed: int = 0) -> None:
         if table is not None:
             differences = _differences(partial(_by_table, table, visitation), theta)
             _require(np.allclose(gradient, differences, atol=1e-4), "gradient: expected that of the reward's table")
+
+
+def check_costs(model: CostModel, game: Game, seed: int = 0) -> None:
+    """Check shapes, gradients against finite differences of the table, and totals.
+
+    Parameters
+    ----------
+    model : CostModel
+        -c_omega.
+    game : Game
+        A small tabular one that it fits.
+    seed : int, optional
+        Of omega and demonstrations.
+    """
+    rng, features = np.random.default_rng(seed), len(game.cost_features.names)
+    first, second = (model.initial(np.random.default_rng(3)) for _ in range(2))
+    _require(first.shape == (model.size,), f"initial: shape {first.shape}, expected ({model.size},)")
+    _require(np.array_equal(first, second), "initial: expected the same omega(1) from the same seed")
+    _require(len(model.names) in {0, model.size}, f"names: {len(model.names)}, expected none or {model.size}")
+    for visitation in _visitations(game, seed):
+        omega, total = rng.normal(size=model.size), model.total(visitation)
+        _require(total.shape == (model.total_size,), f"total: shape {total.shape}, expected ({model.total_size},)")
+        same = np.array_equal(total[:features], game.cost_features.total(visitation))
+        _require(same, "total: expected the totals of the game's cost features first")
+        differences = _differences(partial(_by_table, model.table, visitation), omega)
+        close = np.allclose(model.gradient_of_total(omega, total), differences, atol=1e-4)
+        _require(close, "gradient_of_total: expected that of the table")
+        weights = model.by_feature(omega)
+        _require(weights.shape == (features,), f"by_feature: shape {weights.shape}, expected ({features},)")
+        _require(model.penalty_gradient(omega).shape == omega.shape, f"penalty_gradient: expected shape {omega.shape}")
 
 
 def check_planner(planner: Planner, game: Game, reward: RewardModel, seed: int = 0) -> None:

@@ -27,6 +27,7 @@ GROUPS = MappingProxyType(
     {
         "mabirds.games": "games",
         "mabirds.rewards": "rewards",
+        "mabirds.costs": "costs",
         "mabirds.planners": "planners",
         "mabirds.methods": "methods",
         "mabirds.schedules": "schedules",
@@ -44,7 +45,8 @@ class Kind:
     """What an entry point names: settings as written in an experiment file, and what is built from them.
 
     ``build`` takes the settings first, then what the group says (docs/your-own-game.md): games nothing more, rewards
-    the game, planners the game and the reward model, methods the parts of a method, schedules the learners' names.
+    and costs the game, planners the game and the reward model, methods the parts of a method, schedules the learners'
+    names.
     """
 
     settings: type[Settings]
@@ -52,7 +54,7 @@ class Kind:
     form: str | None = None
     """Of games: how they can be planned in ("tabular", ...). Of planners: which games they are made for; None: all."""
     check: Callable[..., None] | None = None
-    """Of planners: ``check(settings, game)`` raises ExperimentError where the two do not fit."""
+    """Of planners and costs: ``check(settings, game)`` raises ExperimentError where the two do not fit."""
     default: bool = False
     """Whether settings that name no kind are of this one."""
     sample: Callable[..., Settings] | None = None

@@ -6,6 +6,7 @@ a cell nor swap cells. Cells are (row, column), row 0 at the top. Options add wa
 cells, goals that are exits, moves that slip, and a truth that nobody knows.
 """
 
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -18,6 +19,7 @@ from mabirds_core.errors import UnknownTruthError
 from mabirds_core.games.factored import Factors
 from mabirds_core.games.interface import Trajectories, Transitions
 from mabirds_core.games.patrol.arrival import ArrivingReward, lateness
+from mabirds_core.games.patrol.cost_inputs import PatrolCostInputs
 from mabirds_core.games.patrol.decoding import decoded_steps
 from mabirds_core.games.patrol.features import PatrolCostFeatures, PatrolRewardFeatures
 from mabirds_core.games.patrol.named_costs import named_features
@@ -91,9 +93,15 @@ class PatrolGame(EnumerableGame):
     @cached_property
     def cost_features(self) -> PatrolCostFeatures:
         """phi: an indicator per cell and expert, pairs sharing, pairs swapping, and those of the user's own."""
-        settings = self.settings
-        named = named_features(self.grid, settings.costs, settings.layers)
-        return PatrolCostFeatures(self.grid, settings.joint_scale, named)
+        return PatrolCostFeatures(self.grid, self.settings.joint_scale, self._named)
+
+    @cached_property
+    def _named(self) -> dict[str, Vector]:
+        return named_features(self.grid, self.settings.costs, self.settings.layers)
+
+    def cost_inputs(self, chosen: Sequence[str] | None) -> PatrolCostInputs:
+        """What a cost network sees of a joint state: inputs by name, or all there are."""
+        return PatrolCostInputs(self.grid, self.settings.layers, self._named, self.settings.joint_scale, chosen)
 
     @cached_property
     def reward_features(self) -> PatrolRewardFeatures:

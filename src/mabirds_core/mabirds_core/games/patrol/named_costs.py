@@ -67,8 +67,8 @@ def named_features(grid: PatrolGrid, costs: Mapping[str, str], layers: Layers) -
     ValueError
         An expression has no finite value in some joint state.
     """
-    quantities = dict(_quantities(grid, layers)) if costs else {}
-    return {name: _evaluated(grid, name, Expression(text), quantities) for name, text in costs.items()}
+    values = dict(quantities(grid, layers)) if costs else {}
+    return {name: _evaluated(grid, name, Expression(text), values) for name, text in costs.items()}
 
 
 def _evaluated(grid: PatrolGrid, name: str, expression: Expression, quantities: Mapping[str, Array]) -> Vector:
@@ -83,7 +83,21 @@ def _evaluated(grid: PatrolGrid, name: str, expression: Expression, quantities: 
     return values
 
 
-def _quantities(grid: PatrolGrid, layers: Layers) -> Iterator[tuple[str, Vector]]:
+def quantities(grid: PatrolGrid, layers: Layers) -> Iterator[tuple[str, Vector]]:
+    """All that expressions may name.
+
+    Parameters
+    ----------
+    grid : PatrolGrid
+        Where experts can be.
+    layers : Layers
+        Of the map.
+
+    Yields
+    ------
+    tuple[str, Vector]
+        A name, and the quantity in every joint state, shape (S,).
+    """
     cells = grid.cells(np.arange(grid.n_states))
     rows, columns = (part.astype(np.float64) for part in np.divmod(cells, grid.width))
     present = np.stack([here[own] for here, own in zip(grid.present, cells, strict=True)])
