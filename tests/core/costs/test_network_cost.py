@@ -8,32 +8,19 @@ import numpy as np
 import pytest
 import torch
 from games import SlowPatrol, central_differences, doors, hallway, slippery, trio
+from network_costs import some_omega, with_network
 
 from mabirds_core.algorithm.gradient import GradientEstimator
 from mabirds_core.algorithm.memory import Memory, RunningMean, WindowMemory
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Array, Vector
-from mabirds_core.costs.kinds import build_network
 from mabirds_core.costs.models import costs_of
 from mabirds_core.costs.network import NetworkCost, StateRewards
-from mabirds_core.costs.settings import NetworkCostSettings
 from mabirds_core.games.interface import Trajectories, discounted_visitation
 from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_core.planners.factored import FactoredPolicy
 from mabirds_core.planners.occupancy import ExactOccupancy, rollouts
 from mabirds_core.planners.soft_bellman import SoftBellmanPlanner, soft_bellman_policy
-
-
-def with_network(game: PatrolGame, **settings: Any) -> tuple[PatrolGame, NetworkCost]:
-    """The game with a network as its cost."""
-    content = {"kind": "network", "width": 4, "bound": 3.0, "apart": 2.0, **settings}
-    costs = build_network(NetworkCostSettings.model_validate(content), game)
-    game.cost_model = costs  # type: ignore[attr-defined]
-    return game, costs
-
-
-def some_omega(costs: NetworkCost, seed: int = 0, scale: float = 1.0) -> Vector:
-    return np.random.default_rng(seed).normal(size=costs.size) * scale
 
 
 def shown(game: PatrolGame, count: int = 4) -> Trajectories:

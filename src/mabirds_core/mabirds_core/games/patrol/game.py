@@ -148,10 +148,19 @@ class PatrolGame(EnumerableGame):
 
     @cached_property
     def task_reward(self) -> Array:
-        """-step_cost per step for each expert that has not arrived, shape (S, A)."""
+        """-step_cost per step for each expert that has not arrived, -true_cost at every step; shape (S, A)."""
         self._require_truth("the experts' own reward")
         waiting = (~self._arrived).sum(axis=0)
-        return np.repeat(-self.settings.step_cost * waiting[:, None], self.n_actions, axis=1)
+        of_states = -self.settings.step_cost * waiting - self.true_cost
+        return np.repeat(of_states[:, None], self.n_actions, axis=1)
+
+    @property
+    def true_cost(self) -> Vector:
+        """What experts really pay in joint states beside steps and constraints, shape (S,)."""
+        text, settings = self.settings.true_cost, self.settings
+        if text is None:
+            return np.zeros(self.n_states)
+        return named_features(self.grid, {"true_cost": text}, settings.layers)["true_cost"]
 
     def _require_truth(self, what: str) -> None:
         if self.settings.truth == "unknown":

@@ -1,4 +1,4 @@
-"""Cost features of the user's own: expressions over where patrollers are.
+"""Cost features of the user's own, and what experts really pay: expressions over where patrollers are.
 
 Of experts i, j = 1..N_E an expression may name
 
@@ -77,7 +77,7 @@ def _evaluated(grid: PatrolGrid, name: str, expression: Expression, quantities: 
     if len(wrong):
         cells = [tuple(int(x) for x in divmod(int(cell), grid.width)) for cell in grid.cells(wrong[:1])[:, 0]]
         raise ValueError(
-            f"costs.{name} {expression.text!r}: {values[wrong[0]]} where the experts are in {cells}; expected finite"
+            f"{name} {expression.text!r}: {values[wrong[0]]} where the experts are in {cells}; expected finite"
             " numbers everywhere, as of 1 / (1 + distance)"
         )
     return values

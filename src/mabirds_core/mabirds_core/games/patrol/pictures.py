@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from mabirds_core.arrays import Array, Mask, Vector
 from mabirds_core.costs.models import costs_of
 from mabirds_core.games.interface import Trajectories
+from mabirds_core.games.patrol.cost_shapes import by_distance
 from mabirds_core.games.patrol.game import PatrolGame
-from mabirds_core.games.patrol.named_costs import quantities
 from mabirds_core.games.patrol.visits import visits
 from mabirds_core.games.whole_game import Learned
 
@@ -94,12 +94,9 @@ def draw_costs_by_distance(axis: Axes, game: PatrolGame, omega: Vector) -> None:
         Of a network.
     """
     costs: Any = costs_of(game)
-    distance = dict(quantities(game.grid, game.settings.layers))["distance"]
-    apart, where = np.unique(distance[np.isfinite(distance)], return_inverse=True)
-    of_states = costs.of_states(omega)[np.isfinite(distance)]
-    at = [of_states[where == k] for k in range(len(apart))]
-    axis.fill_between(apart, [own.min() for own in at], [own.max() for own in at], color="tab:blue", alpha=0.2)
-    axis.plot(apart, [own.mean() for own in at], marker=".", color="tab:blue")
+    apart, mean, least, most = by_distance(game, costs.of_states(omega))
+    axis.fill_between(apart, least, most, color="tab:blue", alpha=0.2)
+    axis.plot(apart, mean, marker=".", color="tab:blue")
     axis.set_ylim(bottom=0)
     axis.set_xlabel("distance of the nearest two [cells]", fontsize=7)
     axis.set_ylabel("learned cost, mean and range [nats]", fontsize=7)

@@ -67,6 +67,9 @@ class PatrolSettings(Settings):
 
     cell: float | None = Field(None, gt=0, le=1000, description="side of a cell, of recordings [m]")
     time_step: float | None = Field(None, gt=0, le=86_400, description="of a step, of recordings [s]")
+    true_cost: str | None = Field(
+        None, description="what a step costs experts beside step_cost and constraints: an expression, as those of costs"
+    )
     costs: dict[Name, str] = Field(
         default_factory=dict, max_length=MAX_COSTS, description="cost features of your own: expressions by name"
     )
@@ -114,6 +117,8 @@ class PatrolSettings(Settings):
     def _nobody_knows_the_obstacles(self) -> "PatrolSettings":
         if self.truth == "unknown" and "#" in self.map:
             raise ValueError("truth unknown: expected a map without '#'; leave truth out where obstacles are known")
+        if self.truth == "unknown" and self.true_cost is not None:
+            raise ValueError("truth unknown: expected no true_cost; leave truth out where it is known")
         return self
 
     @model_validator(mode="after")
@@ -125,11 +130,17 @@ class PatrolSettings(Settings):
             if [len(row) for row in layer] != shape:
                 raise ValueError(f"layers.{name}: expected {len(shape)} rows of {shape[0]} numbers, as the map has")
         names = quantity_names(self.n_experts, self.layers)
-        for name, text in self.costs.items():
+        for name, text in self.expressions.items():
             if unknown := Expression(text).names - names:
-                raise ValueError(f"costs.{name}: {sorted(unknown)} is none of {sorted(names)}")
-        named_features(self.grid, self.costs, self.layers)
+                raise ValueError(f"{name}: {sorted(unknown)} is none of {sorted(names)}")
+        named_features(self.grid, self.expressions, self.layers)
         return self
+
+    @property
+    def expressions(self) -> dict[str, str]:
+        """All of them, by the place where they stand."""
+        costs = {f"costs.{name}": text for name, text in self.costs.items()}
+        return costs if self.true_cost is None else {**costs, "true_cost": self.true_cost}
 
     def _check_size(self) -> None:
         grid = self.grid
