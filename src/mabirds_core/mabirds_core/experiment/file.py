@@ -171,9 +171,11 @@ def without_defaults(settings: Settings) -> dict[str, Any]:
 
 
 def _written(value: Any, as_json: Any) -> Any:
-    """A value in the same form, also where settings stand in a list: an option of theirs may come to be later, too."""
+    """A value in the same form, also settings in lists and by name: an option of theirs may come to be later, too."""
     if isinstance(value, Settings):
         return without_defaults(value)
+    if isinstance(value, dict):
+        return {name: _written(part, as_json[name]) for name, part in value.items()}
     if isinstance(value, tuple):
         return [_written(*pair) for pair in zip(value, as_json, strict=True)]
     return as_json

@@ -18,7 +18,7 @@ from mabirds_core.costs.network import StateRewards, Visits, main_effects
 from mabirds_core.games.factored import FactoredReward
 from mabirds_core.games.interface import Visitation
 from mabirds_core.games.patrol.geometry import PatrolGrid
-from mabirds_core.games.patrol.named_costs import Layers, quantities
+from mabirds_core.games.patrol.named_costs import Layers, joint_places
 from mabirds_core.planners.factored import FactoredVisitation
 
 
@@ -74,7 +74,7 @@ class PatrolCostInputs:
     @cached_property
     def _every(self) -> dict[str, Vector]:
         inputs = dict[str, Vector]()
-        for name, values in quantities(self.grid, self.layers):
+        for name, values in joint_places(self.grid, self.layers).quantities.items():
             kind, _, whose = name.partition("_")
             if kind == "distance" and whose:
                 inputs[name] = _scaled(values, 0.0, np.hypot(self.grid.height - 1, self.grid.width - 1))

@@ -8,7 +8,7 @@ import numpy as np
 from mabirds_core.arrays import Vector
 from mabirds_core.costs.models import costs_of
 from mabirds_core.games.patrol.game import PatrolGame
-from mabirds_core.games.patrol.named_costs import quantities
+from mabirds_core.games.patrol.named_costs import joint_places
 
 
 class ByDistance(NamedTuple):
@@ -47,7 +47,7 @@ def by_distance(game: PatrolGame, of_states: Vector) -> ByDistance:
     ByDistance
         In rising order.
     """
-    distance = dict(quantities(game.grid, game.settings.layers))["distance"]
+    distance = joint_places(game.grid, game.settings.layers).quantities["distance"]
     near = np.isfinite(distance)
     apart, where = np.unique(distance[near], return_inverse=True)
     at = [of_states[near][where == k] for k in range(len(apart))]
