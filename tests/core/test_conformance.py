@@ -81,7 +81,10 @@ def test_rewards_conform(make: Any, reward: dict[str, Any]) -> None:
     conformance.check_reward(build_reward(of, game), game)
 
 
-@pytest.mark.parametrize("cost", [{"kind": "linear"}, {"kind": "network", "width": 3, "bound": 2.0}], ids=str)
+BESIDE = {"kind": "network", "width": 3, "beside_features": True}
+
+
+@pytest.mark.parametrize("cost", [{"kind": "linear"}, {"kind": "network", "width": 3, "bound": 2.0}, BESIDE], ids=str)
 def test_costs_conform(cost: dict[str, Any]) -> None:
     of = patrol_experiment({"algorithm.cost": cost})
     game = build_game(of)

@@ -141,7 +141,8 @@ def test_the_study_of_costs_compares_networks_with_weights_of_features() -> None
     for group in ("patrol", "discrete", "hall"):
         plain, *networks = (case.experiment.algorithm.cost for case in by_label(study, group).values())
         assert plain.kind == "linear"
-        assert [(of.kind, of.apart) for of in networks] == [("network", 1.0), ("network", 0.0)]
+        expected = [(1.0, False), (1.0, True), (0.0, False)]
+        assert [(of.apart, of.beside_features) for of in networks] == expected
     told = by_label(study, "distance")["weights of features, told"].experiment
     assert (told.algorithm.cost.kind, set(told.game.costs)) == ("linear", {"ring"})
     assert all(case.experiment.game.true_cost for case in by_label(study, "distance").values())

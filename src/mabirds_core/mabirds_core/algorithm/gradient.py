@@ -16,7 +16,7 @@ import numpy as np
 from mabirds_core.algorithm.memory import Memory, WindowMemory
 from mabirds_core.algorithm.parameters import Parameters, scaled
 from mabirds_core.arithmetic import powers
-from mabirds_core.arrays import Vector
+from mabirds_core.arrays import Mask, Vector
 from mabirds_core.costs.models import CostModel, costs_of
 from mabirds_core.games.interface import ConstrainedMarkovGame, Visitation
 from mabirds_core.planners.interface import OccupancyEstimator, Planner, Policy
@@ -29,10 +29,10 @@ RolloutStart = Literal["initial", "demonstration"]
 
 
 class Counts(NamedTuple):
-    """Are the entries of theta's and of omega's expectations counts, which are never negative?"""
+    """Are the entries of theta's and of omega's expectations counts, which are never negative? All, or a mask's."""
 
-    theta: bool
-    omega: bool
+    theta: bool | Mask
+    omega: bool | Mask
 
 
 class GradientEstimate(NamedTuple):

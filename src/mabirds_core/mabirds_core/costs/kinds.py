@@ -42,7 +42,9 @@ def build_network(settings: NetworkCostSettings, game: Any) -> NetworkCost:
         c_omega.
     """
     inputs = game.cost_inputs(settings.inputs)
-    return NetworkCost(game.cost_features, inputs, settings.width, settings.bound, settings.apart)
+    return NetworkCost(
+        game.cost_features, inputs, settings.width, settings.bound, settings.apart, settings.beside_features
+    )
 
 
 LINEAR = Kind(LinearCostSettings, build_linear, default=True)

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from mabirds_core.arrays import Array, Vector
+from mabirds_core.arrays import Array, Mask, Vector
 from mabirds_core.games.factored import FactoredReward
 from mabirds_core.games.interface import Visitation
 
@@ -32,8 +32,8 @@ class CostModel(Protocol):
         ...
 
     @property
-    def counts(self) -> bool:
-        """Are its gradients counts, which are never negative?"""
+    def counts(self) -> bool | Mask:
+        """Are its gradients counts, which are never negative? All of them, or those of a mask, shape (K_omega,)."""
         ...
 
     @property

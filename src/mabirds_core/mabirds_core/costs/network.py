@@ -1,10 +1,11 @@
 """A bounded network as cost, with a penalty that keeps it apart from the reward.
 
-    c_omega(s, a) = C/2 ( 1 + f(x(s)) ) + C sum_p tanh(z) psi_p(s, a),        omega = (U, b, v, z)
+    c_omega(s, a) = C/2 ( 1 + f(x(s)) ) + C tanh(z) sum_p psi_p(s, a) [ - w^T phi(s, a) ],    omega = ([w], U, b, v, z)
 
 f is a small network (``networks``), x(s) in [-1, 1]^D what the game tells of a joint state (``CostInputs``), and psi_p
 a meeting on the way, such as a swap, which the joint state does not show. C/2 (1 + f) is C times a sigmoid: what a
-joint state costs lies between 0 and C.
+joint state costs lies between 0 and C. Weights w of the game's cost features may stand beside it, and say what single
+cells cost; their gradients are counts, those of the network are none.
 
 **What is identifiable.** Of r_theta - c_omega the demonstrations tell the sum alone. The reward features are, for each
 expert i, indicators of place c_i and move, so that r_theta can say every sum of functions of single places, and so can
@@ -24,14 +25,15 @@ constants, which change no policy of a fixed horizon, are free.
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from mabirds_core.arithmetic import tanh
-from mabirds_core.arrays import Array, Indices, Vector, weighted_counts
+from mabirds_core.arrays import Array, Indices, Mask, Vector, weighted_counts
+from mabirds_core.costs.models import LinearCost
 from mabirds_core.games.factored import FactoredReward
-from mabirds_core.games.interface import FeatureMap, Visitation
+from mabirds_core.games.interface import Visitation
 from mabirds_core.networks import BoundedNetwork
 
 
@@ -109,7 +111,7 @@ class NetworkCost:
 
     Attributes
     ----------
-    features : FeatureMap
+    features : Any
         phi of the game, whose totals tell what was shown.
     inputs : CostInputs
         x(s).
@@ -119,15 +121,24 @@ class NetworkCost:
         C.
     apart : float
         Of the penalty.
+    beside_features : bool
+        Are there weights of the features, too?
     """
 
-    features: FeatureMap
+    features: Any
     inputs: CostInputs
     width: int
     bound: float
     apart: float
+    beside_features: bool = False
     linear = False
-    counts = False
+
+    @property
+    def counts(self) -> bool | Mask:
+        """Those of the weights of features."""
+        if not (self.beside_features and LinearCost(self.features).counts):
+            return False
+        return np.arange(self.size) < self._weights
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -146,8 +157,17 @@ class NetworkCost:
 
     @property
     def size(self) -> int:
-        """width (D + 2) + 1."""
-        return self._network.size + 1
+        """width (D + 2) + 1, and K weights."""
+        return self._weights + self._network.size + 1
+
+    @property
+    def _weights(self) -> int:
+        """How many weights of features there are."""
+        return len(self.features.names) if self.beside_features else 0
+
+    def _parts(self, omega: Vector) -> tuple[Vector, Vector, Vector]:
+        """w, those of the network, and z, shape (1,)."""
+        return omega[: self._weights], omega[self._weights : -1], omega[-1:]
 
     @property
     def total_size(self) -> int:
@@ -156,11 +176,11 @@ class NetworkCost:
 
     def initial(self, rng: np.random.Generator) -> Vector:
         """Everything costs C/2, and meetings nothing more."""
-        return np.append(self._network.initial(rng), 0.0)
+        return np.concatenate([np.zeros(self._weights), self._network.initial(rng), [0.0]])
 
     def of_states(self, omega: Vector) -> Vector:
-        """What joint states cost, shape (S,)."""
-        return self.bound / 2 * (1 + self._network.values(omega[:-1]))[self._distinct[1]]
+        """What joint states cost by the network, shape (S,)."""
+        return self.bound / 2 * (1 + self._network.values(self._parts(omega)[1]))[self._distinct[1]]
 
     def of_meeting(self, omega: Vector) -> float:
         """What a meeting on the way costs."""
@@ -176,8 +196,10 @@ class NetworkCost:
     def gradient_of_total(self, omega: Vector, total: Vector) -> Vector:
         """Backwards through the network, shape (size,)."""
         visits, meetings = total[len(self.features.names) : -1], total[-1:]
-        of_meeting = -self.bound * (1 - tanh(omega[-1:]) ** 2) * meetings
-        return np.concatenate([self._network.gradient(omega[:-1], -self.bound / 2 * visits), of_meeting])
+        _, network, z = self._parts(omega)
+        of_meeting = -self.bound * (1 - tanh(z) ** 2) * meetings
+        of_network = self._network.gradient(network, -self.bound / 2 * visits)
+        return np.concatenate([total[: self._weights], of_network, of_meeting])
 
     def penalty(self, omega: Vector) -> float:
         """P(omega)."""
@@ -194,19 +216,26 @@ class NetworkCost:
         points, which = self._distinct
         along = sum((effect[own] for effect, own in self._main_effects(omega)), np.zeros(len(which)))
         of_points = weighted_counts(which, self.apart / len(which) * along, len(points))
-        return np.append(self._network.gradient(omega[:-1], self.bound / 2 * of_points), 0.0)
+        of_network = self._network.gradient(self._parts(omega)[1], self.bound / 2 * of_points)
+        return np.concatenate([np.zeros(self._weights), of_network, [0.0]])
 
     def table(self, omega: Vector) -> Array:
         """-c_omega(s, a), shape (S, A)."""
-        return self.inputs.table(self._rewards(omega))
+        table = self.inputs.table(self._rewards(omega))
+        return table + self.features.table(self._parts(omega)[0]) if self.beside_features else table
 
     def factored(self, omega: Vector) -> FactoredReward | None:
         """-c_omega(s, a) by expert."""
-        return self.inputs.factored(self._rewards(omega))
+        factored = self.inputs.factored(self._rewards(omega))
+        if factored is None or not self.beside_features:
+            return factored
+        of_features = LinearCost(self.features).factored(self._parts(omega)[0])
+        return None if of_features is None else factored.plus(of_features)
 
     def by_feature(self, omega: Vector) -> Vector:
         """As near as the game's cost features can say it."""
-        return self.inputs.by_feature(self._rewards(omega))
+        weights = self.inputs.by_feature(self._rewards(omega))
+        return weights + self._parts(omega)[0] if self.beside_features else weights
 
     def _rewards(self, omega: Vector) -> StateRewards:
         """-c."""

@@ -26,6 +26,9 @@ class NetworkCostSettings(Settings):
     apart: float = Field(
         1.0, ge=0, le=1e6, description="weight of the penalty on what the reward can say as well; 0: no penalty"
     )
+    beside_features: bool = Field(
+        False, description="weights of the game's cost features beside it, which say what single cells cost"
+    )
     inputs: tuple[str, ...] | None = Field(
         None, min_length=1, max_length=100, description="what the network sees of a joint state; default: all there is"
     )
