@@ -131,8 +131,10 @@ print(*sorted(games))
     assert {name for name in games if name.startswith("drones.")} == {
         "drones.geometry",
         "drones.kind",
+        "drones.named_costs",
         "drones.regions",
         "drones.settings",
+        "drones.space",
         "drones.planner_settings",
     }
 

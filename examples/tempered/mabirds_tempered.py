@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from mabirds_core.arrays import Array, Vector
+from mabirds_core.costs.models import costs_of
 from mabirds_core.games.interface import TabularGame, Trajectories
 from mabirds_core.planners.interface import Policy
 from mabirds_core.planners.soft_bellman import SoftBellmanPolicy, soft_bellman_policy
@@ -40,7 +41,7 @@ class TemperedPlanner:
         observed: Trajectories | None = None,  # noqa: ARG002 - nothing is learned from examples
     ) -> SoftBellmanPolicy:
         """The policy for these parameters."""
-        reward = self.reward.table(theta) + self.game.cost_features.table(omega)
+        reward = self.reward.table(theta) + costs_of(self.game).table(omega)
         return soft_bellman_policy(self.game, reward / self.temperature)
 
     def state_dict(self, policy: Policy) -> dict[str, Array]:  # noqa: ARG002 - exact from any start

@@ -13,6 +13,7 @@ from mabirds_core import conformance
 from mabirds_core.arrays import Array, Vector
 from mabirds_core.consensus.push_sum_mixer import ResilientMixing
 from mabirds_core.consensus.strict import StrictMixer, StrictMixing
+from mabirds_core.costs.models import costs_of
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.assembly import build_game, build_method, build_reward
 from mabirds_core.experiment.file import Experiment
@@ -78,6 +79,17 @@ def test_rewards_conform(make: Any, reward: dict[str, Any]) -> None:
     game = build_game(of)
     conformance.check_settings(kind_of("mabirds.rewards", of.algorithm.reward), reward)
     conformance.check_reward(build_reward(of, game), game)
+
+
+BESIDE = {"kind": "network", "width": 3, "beside_features": True}
+
+
+@pytest.mark.parametrize("cost", [{"kind": "linear"}, {"kind": "network", "width": 3, "bound": 2.0}, BESIDE], ids=str)
+def test_costs_conform(cost: dict[str, Any]) -> None:
+    of = patrol_experiment({"algorithm.cost": cost})
+    game = build_game(of)
+    conformance.check_settings(kind_of("mabirds.costs", of.algorithm.cost), cost)
+    conformance.check_costs(costs_of(game), game)
 
 
 @pytest.mark.parametrize("name", [name for name in kinds(METHODS) if name != "untouched"])

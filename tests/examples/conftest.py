@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
-PACKAGES = ("junction", "tempered", "untouched")
+PACKAGES = ("junction", "sight", "tempered", "untouched")
 
 Run = Callable[..., str]
 
 
 @pytest.fixture(scope="session")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where the three wheels are installed; nothing else knows of the place."""
+    """Where the four wheels are installed; nothing else knows of the place."""
     wheels, site = tmp_path_factory.mktemp("wheels"), tmp_path_factory.mktemp("site")
     pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--no-input", "-q"]
     sources = [str(copy_of(EXAMPLES / name, tmp_path_factory.mktemp(name))) for name in PACKAGES]
@@ -38,11 +38,17 @@ def copy_of(package: Path, place: Path) -> Path:
 
 
 @pytest.fixture
-def run(site: Path, tmp_path: Path) -> Run:
+def environment(site: Path) -> dict[str, str]:
+    """Of processes that find the packages, before all others."""
+    places = [str(site), *filter(None, [os.environ.get("PYTHONPATH")])]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(places)}
+
+
+@pytest.fixture
+def run(environment: dict[str, str], tmp_path: Path) -> Run:
     """A function that runs a Python program, or a module with arguments, where the packages are installed."""
 
     def run_python(*arguments: str, code: int = 0) -> str:
-        environment = {**os.environ, "PYTHONPATH": str(site)}
         command = [sys.executable, *arguments]
         done = subprocess.run(
             command, env=environment, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False

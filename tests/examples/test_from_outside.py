@@ -2,7 +2,6 @@
 
 import csv
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -42,6 +41,7 @@ def test_kinds_lists_what_strangers_bring_and_which_package_brings_it(run: Any) 
         ("rewards", "progress", "mabirds_junction"),
         ("planners", "tempered", "mabirds_tempered"),
         ("methods", "untouched", "mabirds_untouched"),
+        ("cost features", "in_sight", "mabirds_sight"),
         ("games", "patrol", "mabirds_core"),
         ("mixers", "resilient", "mabirds_core"),
     ):
@@ -128,12 +128,71 @@ def test_settings_of_strangers_are_as_strict_as_ours(run: Any, tmp_path: Path) -
 LEARNER = "from mabirds_learner.learner_node import main; raise SystemExit(main())"
 
 
-def test_a_learner_of_a_strangers_game_can_be_inspected(run: Any, site: Path, experiment: Path) -> None:
+def test_a_learner_of_a_strangers_game_can_be_inspected(
+    run: Any, environment: dict[str, str], experiment: Path
+) -> None:
     arguments = ("--ros-args", "-r", "__ns:=/north", "-p", f"experiment:={experiment}")
-    environment = {**os.environ, "PYTHONPATH": str(site)}
     with subprocess.Popen([sys.executable, "-c", LEARNER, *arguments], env=environment) as learner:
         try:
             shown = run(*MABIRDS, "inspect", "--once", "--json", "--timeout", "20")
         finally:
             learner.terminate()
     assert "north" in shown
+
+
+SIGHT = EXPERIMENT.parents[1] / "sight" / "experiment.yaml"
+
+SIGHT_CONFORMS = """
+import numpy as np
+from pathlib import Path
+from mabirds_core import conformance
+from mabirds_core.experiment.assembly import build_game
+from mabirds_core.experiment.file import load_experiment
+from mabirds_core.games.patrol.named_costs import joint_places
+from mabirds_core.registry import kinds
+
+experiment = load_experiment(Path({file!r}))
+game = build_game(experiment)
+places, kind = joint_places(game.grid, {{}}), kinds("mabirds.cost_features")["in_sight"]
+conformance.check_cost_feature(kind, experiment.game.costs["seen"].model_dump(), places, game.n_states)
+conformance.check_game(game)
+
+rng, walls = np.random.default_rng(0), {{(r, c) for r in (1, 2) for c in (2, 3, 4)}}
+seen = kind.build(experiment.game.costs["seen"], places)
+for state in rng.integers(game.n_states, size=400):
+    one, other = (np.array(divmod(int(cell), game.width), dtype=float) for cell in game.cells(state))
+    line = one + np.linspace(0, 1, 4001)[:, None] * (other - one)
+    inside = any((np.abs(line - wall) < 0.4999).all(axis=1).any() for wall in walls)
+    touched = any((np.abs(line - wall) < 0.5001).all(axis=1).any() for wall in walls)
+    visible = np.hypot(*(other - one)) <= 6
+    if inside == touched:  # else the line passes a corner
+        assert seen[state] == (visible and not inside), (one, other)
+print(game.cost_features.names[-2:], seen.mean() > 0.2)
+"""
+
+
+def test_a_cost_feature_from_outside_conforms_and_is_what_it_says(run: Any) -> None:
+    """Line by line, by points on it."""
+    assert run("-c", SIGHT_CONFORMS.format(file=str(SIGHT))) == "('seen', 'near') True\n"
+
+
+def test_a_cost_feature_from_outside_is_learned_through_nodes(run: Any, tmp_path: Path) -> None:
+    content = yaml.safe_load(SIGHT.read_text(encoding="utf-8"))
+    content["iterations"] = content["demonstrations"]["per_learner"] = 6
+    file = tmp_path / "sight.yaml"
+    file.write_text(yaml.safe_dump(content), encoding="utf-8")
+    run(*MABIRDS, "record", str(file))
+    run(*MABIRDS, "simulate", str(file), "--out", "alone")
+    run(*MABIRDS, "run", str(file), "--rate", "100", "--out", "network")
+    assert metrics(tmp_path / "network") == metrics(tmp_path / "alone")
+
+
+def test_settings_of_a_cost_feature_from_outside_are_checked(run: Any, tmp_path: Path) -> None:
+    text, file = SIGHT.read_text(encoding="utf-8"), tmp_path / "experiment.yaml"
+    file.write_text(text.replace("reach: 6.0", "reach: -1"), encoding="utf-8")
+    words = " ".join(run(*MABIRDS, "simulate", str(file), code=2).split())
+    assert "costs.seen.in_sight.reach" in words
+    file.write_text(text.replace("kind: in_sight", "kind: out_of_sight"), encoding="utf-8")
+    words = " ".join(run(*MABIRDS, "simulate", str(file), code=2).split())
+    assert "'out_of_sight'" in words
+    assert "`mabirds kinds`" in words

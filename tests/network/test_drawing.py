@@ -22,6 +22,7 @@ from mabirds_bringup.draw.listener import DrawnListener
 from mabirds_bringup.draw.node import DrawingNode
 from mabirds_bringup.watch.described import describe
 from mabirds_bringup.watch.inspector import InspectorNode
+from mabirds_core.costs.models import costs_of
 from mabirds_core.experiment.assembly import build_game
 from mabirds_core.experiment.file import load_experiment
 
@@ -48,10 +49,11 @@ def topics_in(layout: Any) -> set[str]:
     return plotted | {topic for panel in panels for topic in panel.get("topics", ())}
 
 
+@pytest.mark.parametrize("cost", [{}, {"cost": {"kind": "network", "apart": 0.0}}], ids=["linear", "network"])
 def test_displays_name_what_is_published_and_it_says_what_was_learned(
-    make_experiment: Callable[..., Path], nodes: Any, context: Context, display_files: Any
+    make_experiment: Callable[..., Path], nodes: Any, context: Context, display_files: Any, cost: dict[str, Any]
 ) -> None:
-    experiment = load_experiment(make_experiment(iterations=6, change={"algorithm": {}}))
+    experiment = load_experiment(make_experiment(iterations=6, change={"algorithm": cost}))
     file = Path(experiment.demonstrations.bag).parent / "experiment.yaml"
     drawing = nodes.add(DrawingNode(experiment, rate=20.0, demonstrations=True, context=context))
     listener = nodes.add(DrawnListener(context=context))
@@ -80,7 +82,7 @@ def test_displays_name_what_is_published_and_it_says_what_was_learned(
 
     game, session = build_game(experiment), learners[1].session
     shown: OccupancyGrid = listener.drawn[costs]
-    omega = session.parameters.omega
+    omega = costs_of(session.learner.game).by_feature(session.parameters.omega)
     table = np.array(shown.data, dtype=np.int8).reshape(shown.info.height, shown.info.width)
     most = max(0.0, -omega[: 2 * 12].min())
     by_cell = np.clip(-omega[:12].reshape(3, 4)[::-1] / most, 0, 1)

@@ -61,12 +61,16 @@ def test_nodes_in_one_process_equal_the_reference(
 MIXING: dict[str, dict[str, Any]] = {"strict": {}, "resilient": {"mixing": {"kind": "resilient", "patience": 60.0}}}
 
 
+COSTS: dict[str, dict[str, Any]] = {"linear": {}, "network": {"cost": {"kind": "network", "width": 4}}}
+
+
+@pytest.mark.parametrize("costs", COSTS)
 @pytest.mark.parametrize("mixing", MIXING)
 def test_nodes_with_the_default_rule_equal_the_reference(
-    make_experiment: Callable[..., Path], nodes: Any, context: Context, tmp_path: Path, mixing: str
+    make_experiment: Callable[..., Path], nodes: Any, context: Context, tmp_path: Path, mixing: str, costs: str
 ) -> None:
     """Nothing is said about how to learn: momenta and sums stay with their learners, who end by naming constraints."""
-    change = {"algorithm": {}, "closing_rounds": 1, "constraint_confidence": 0.99, **MIXING[mixing]}
+    change = {"algorithm": COSTS[costs], "closing_rounds": 1, "constraint_confidence": 0.99, **MIXING[mixing]}
     schedule = {"kind": "static", "graph": "ring"}
     file = make_experiment(iterations=8, learners=4, schedule=schedule, change=change)
     experiment = load_experiment(file)
@@ -85,6 +89,8 @@ def test_nodes_with_the_default_rule_equal_the_reference(
         assert constraints["by_name"] == summaries[name]["learned_constraints"]
         assert constraints["undetermined"] == summaries[name]["undetermined"] > 0
         assert (constraints["iteration"], constraints["level"]) == (10, experiment.constraint_confidence)
+        costliest = describe(inspector.learners[f"/{name}"], top=3)["parameters"]["costliest"]
+        assert len(costliest) == (3 if costs == "linear" else 0)
         assert f"{len(constraints['by_name'])} constraints at confidence" in monitor.statuses[name].message
 
 

@@ -1,4 +1,4 @@
-"""Kinds of games, rewards, planners, methods, schedules, mixers and step rules, from any package that brings them.
+"""Kinds of games, rewards, costs, planners, methods, schedules, mixers and step rules, from packages that bring them.
 
 A package names its kinds as entry points, in one of GROUPS, each pointing to a ``Kind``:
 
@@ -18,7 +18,7 @@ from operator import attrgetter, or_
 from types import MappingProxyType
 from typing import Annotated, Any, get_args
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import BeforeValidator, Discriminator, Field, Tag
 
 from mabirds_core.errors import ExperimentError
 from mabirds_core.settings import Settings
@@ -27,6 +27,8 @@ GROUPS = MappingProxyType(
     {
         "mabirds.games": "games",
         "mabirds.rewards": "rewards",
+        "mabirds.costs": "costs",
+        "mabirds.cost_features": "cost features",
         "mabirds.planners": "planners",
         "mabirds.methods": "methods",
         "mabirds.schedules": "schedules",
@@ -44,7 +46,8 @@ class Kind:
     """What an entry point names: settings as written in an experiment file, and what is built from them.
 
     ``build`` takes the settings first, then what the group says (docs/your-own-game.md): games nothing more, rewards
-    the game, planners the game and the reward model, methods the parts of a method, schedules the learners' names.
+    and costs the game, cost features where experts are, planners the game and the reward model, methods the
+    parts of a method, schedules the learners' names.
     """
 
     settings: type[Settings]
@@ -52,7 +55,7 @@ class Kind:
     form: str | None = None
     """Of games: how they can be planned in ("tabular", ...). Of planners: which games they are made for; None: all."""
     check: Callable[..., None] | None = None
-    """Of planners: ``check(settings, game)`` raises ExperimentError where the two do not fit."""
+    """Of planners and costs: ``check(settings, game)`` raises ExperimentError where the two do not fit."""
     default: bool = False
     """Whether settings that name no kind are of this one."""
     sample: Callable[..., Settings] | None = None
@@ -179,6 +182,28 @@ def union(group: str) -> Any:
         return Annotated[reduce(or_, distinct), Field(discriminator="kind")]
     tagged = [Annotated[model, Tag(name)] for name, model in members.items()]
     return Annotated[reduce(or_, tagged), Discriminator(_tag_or(default))]
+
+
+TEXT = "text"
+"""How errors call what is no kind but a text."""
+
+
+def text_or_union(group: str) -> Any:
+    """The type of a setting that is a text, or settings of any kind of a group."""
+    members = {name: kind.settings for name, kind in kinds(group).items()}
+    if not members:  # pydantic tells several apart, and no single one
+        return Annotated[str, BeforeValidator(_only_text(group))]
+    tagged = [Annotated[str, Tag(TEXT)], *(Annotated[model, Tag(name)] for name, model in members.items())]
+    return Annotated[reduce(or_, tagged), Discriminator(_tag_or(TEXT))]
+
+
+def _only_text(group: str) -> Callable[[Any], Any]:
+    def checked(given: Any) -> Any:
+        if isinstance(given, dict):
+            raise ValueError(f"{given.get('kind')!r} is none of the {GROUPS[group]} []{REMEDY}")  # noqa: TRY004 - pydantic's
+        return given
+
+    return checked
 
 
 def _tag_or(default: str) -> Callable[[Any], str]:

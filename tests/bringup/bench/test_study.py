@@ -98,7 +98,7 @@ def test_a_case_whose_changes_are_wrong_is_named(make_study: MakeStudy) -> None:
 
 
 def test_studies_that_are_not_there_are_refused(make_study: MakeStudy, tmp_path: Path) -> None:
-    with pytest.raises(ExperimentError, match="give a study's file, or one of continuous, discrete"):
+    with pytest.raises(ExperimentError, match="give a study's file, or one of continuous, costs, discrete"):
         load_study("discreet")
     with pytest.raises(ExperimentError, match="experiment 'hard': expected one of"):
         load_study(str(make_study()), {"hard": tmp_path / "experiment.yaml"})
@@ -112,7 +112,7 @@ def by_label(study: LoadedStudy, group: str) -> dict[str, Case]:
 
 
 def test_the_packages_studies_are_read() -> None:
-    assert packaged_studies() == ("continuous", "discrete")
+    assert packaged_studies() == ("continuous", "costs", "discrete")
 
 
 def test_the_discrete_study_has_all_methods_and_all_variations() -> None:
@@ -134,6 +134,18 @@ def test_the_discrete_study_has_all_methods_and_all_variations() -> None:
     for name in ("main", "many_starts"):  # the paper's game has 77
         assert build_game(study.experiments[name]).true_constraints.sum() >= 77
     assert build_game(study.experiments["trio"]).n_experts == 3
+
+
+def test_the_study_of_costs_compares_networks_with_weights_of_features() -> None:
+    study = load_study("costs")
+    for group in ("patrol", "discrete", "hall"):
+        plain, *networks = (case.experiment.algorithm.cost for case in by_label(study, group).values())
+        assert plain.kind == "linear"
+        expected = [(1.0, False), (1.0, True), (0.0, False)]
+        assert [(of.apart, of.beside_features) for of in networks] == expected
+    told = by_label(study, "distance")["weights of features, told"].experiment
+    assert (told.algorithm.cost.kind, set(told.game.costs)) == ("linear", {"ring"})
+    assert all(case.experiment.game.true_cost for case in by_label(study, "distance").values())
 
 
 def test_the_continuous_study_has_all_methods_by_either_planner_and_variations() -> None:

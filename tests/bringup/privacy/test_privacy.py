@@ -133,9 +133,19 @@ def test_omega_alone_is_enough(make: Callable[..., Experiment]) -> None:
     assert min(revealed.steps for revealed in found.values()) >= 0.95
 
 
-def test_where_it_is_no_attack_it_says_so(make: Callable[..., Experiment]) -> None:
-    with pytest.raises(ExperimentError, match="mixing is resilient"):
-        rebuild(make(DEFAULT, mixing={"kind": "resilient"}), "learner_1", {})
+@pytest.mark.parametrize(
+    ("algorithm", "change", "words"),
+    [
+        (DEFAULT, {"mixing": {"kind": "resilient"}}, "mixing is resilient"),
+        ({"cost": {"kind": "network"}}, {}, "this audit is of linear costs"),
+    ],
+    ids=["resilient", "network"],
+)
+def test_where_it_is_no_attack_it_says_so(
+    make: Callable[..., Experiment], algorithm: dict[str, Any], change: dict[str, Any], words: str
+) -> None:
+    with pytest.raises(ExperimentError, match=words):
+        rebuild(make(algorithm, **change), "learner_1", {})
 
 
 DISCRETE = Path(__file__).resolve().parents[3] / "ros_ws" / "config" / "discrete.yaml"

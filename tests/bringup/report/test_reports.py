@@ -16,7 +16,7 @@ from mabirds_bringup.commands.simulate import simulate
 from mabirds_bringup.report.comparison import UnjudgedRunError, differences, load_judged
 from mabirds_bringup.report.findings import findings
 from mabirds_bringup.report.measures import MEASURES
-from mabirds_bringup.report.page import constraints, manifest
+from mabirds_bringup.report.page import constraints, manifest, write_report
 from mabirds_bringup.report.traffic import traffic
 from mabirds_msgs_py.bag_writer import BagWriter
 
@@ -170,3 +170,19 @@ def test_traffic_is_that_of_all_bags(tmp_path: Path) -> None:
     assert found is not None
     assert found.messages == {"/learner_1/status": 5}
     assert 0.001 < found.megabytes < 0.1
+
+
+@pytest.mark.parametrize(
+    "delivered", [{"late": 3}, {"edge_mismatches": ["iteration 2: b -> c not delivered"]}], ids=str
+)
+def test_a_report_is_written_of_either_mode(runs: list[Path], tmp_path: Path, delivered: dict[str, Any]) -> None:
+    """What is late in resilient mode is no mismatch, and has no list."""
+    summary = json.loads((runs[0] / "summary.json").read_text(encoding="utf-8"))
+    graph = {"iterations": 8, "connectivity_window": 2, **delivered}
+    (tmp_path / "manifest.json").write_bytes((runs[0] / "manifest.json").read_bytes())
+    (tmp_path / "experiment.yaml").write_bytes((runs[0] / "experiment.yaml").read_bytes())
+    write_report(tmp_path, {**summary, "delivered_graph": graph}, {})
+    for name in ("report.html", "report.md"):
+        page = (tmp_path / name).read_text(encoding="utf-8")
+        assert ("not delivered" in page) == ("edge_mismatches" in delivered)
+        assert "differed from its schedule" in page

@@ -253,3 +253,19 @@ def test_it_is_the_default_and_takes_no_numbers() -> None:
     assert experiment({"algorithm.steps": {"kind": "adaptive"}}).algorithm.steps == RULE
     with pytest.raises(ValidationError, match="alpha"):
         experiment({"algorithm.steps": {"kind": "adaptive", "alpha": 3.0}})
+
+
+def test_of_some_coordinates_counts_are_compared_and_of_the_others_gradients() -> None:
+    """A mask of omega: its coordinates step as they do where all are counts, or none, at the rate of those that are."""
+    mask, n = np.array([True, False, True, False]), 12
+    counted = [each._replace(counts=Counts(theta=True, omega=mask)) for each in some_estimates(COUNTS, n)]
+    kept = [
+        each._replace(observed=each.observed._replace(omega=np.where(mask, each.observed.omega, 0.0)))
+        for each in counted
+    ]
+    of_counts = steps_of([each._replace(counts=COUNTS) for each in kept])
+    of_gradients = steps_of([each._replace(counts=Counts(theta=True, omega=False)) for each in counted])
+    for found, ratios, others in zip(steps_of(counted), of_counts, of_gradients, strict=True):
+        np.testing.assert_array_equal(found.omega[mask], ratios.omega[mask])
+        np.testing.assert_array_equal(found.omega[~mask], others.omega[~mask])
+        np.testing.assert_array_equal(found.theta, ratios.theta)

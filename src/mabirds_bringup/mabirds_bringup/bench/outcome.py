@@ -16,6 +16,7 @@ from mabirds_bringup.evaluate.held_out import HeldOut
 from mabirds_bringup.evaluate.verdicts import Verdicts, verdicts
 from mabirds_core.algorithm.memory import stacked
 from mabirds_core.arrays import Mask
+from mabirds_core.costs.models import costs_of
 from mabirds_core.experiment.assembly import build_game, evaluation_policy
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import History, Progress, Streams, simulate, simulate_central
@@ -189,7 +190,8 @@ def _agreement(learned: LearnedCase, policies: list[Any], rollouts: int | None) 
 
 
 def _constraints(learned: LearnedCase, name: str) -> Mask:
-    return by_threshold(learned.history[name][-1].omega, learned.experiment.constraint_threshold)
+    omega = costs_of(learned.game).by_feature(learned.history[name][-1].omega)
+    return by_threshold(omega, learned.experiment.constraint_threshold)
 
 
 def _rows(learned: LearnedCase, name: str, judged: Judged) -> Iterator[MetricsRow]:

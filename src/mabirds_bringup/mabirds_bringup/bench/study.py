@@ -103,7 +103,7 @@ class TableSettings(Settings):
 
 
 class Study(Settings):
-    """A study file; ``mabirds_bringup/studies`` has two."""
+    """A study file; ``mabirds_bringup/studies`` has some."""
 
     title: str = Field(description="may name settings of the experiments, such as {main.iterations}")
     note: str = Field(description="how to read the report; may name {rollouts} and {fewer}")

@@ -173,5 +173,5 @@ def _parameters_line(content: dict[str, Any]) -> str:
     costliest = ", ".join(f"{cost['feature']} {cost['cost']:.3g}" for cost in content["costliest"])
     return (
         f"parameters {content['iteration']}: |theta| {content['theta_norm']:.4g}, |omega| {content['omega_norm']:.4g},"
-        f" costliest: {costliest}"
+        f" costliest: {costliest or 'omega is a network'}"
     )

@@ -1,4 +1,4 @@
-"""``mabirds kinds``: which games, rewards, planners, methods, schedules, mixers and step rules are installed."""
+"""``mabirds kinds``: which games, rewards, costs, planners and other kinds are installed."""
 
 from rich.table import Table
 

@@ -20,6 +20,7 @@ from mabirds_bringup.watch.recent import Consensus, RecentParameters
 from mabirds_bringup.watch.spinning import Glances
 from mabirds_core.arrays import Array
 from mabirds_core.consensus.weights import Edge
+from mabirds_core.costs.models import costs_of
 from mabirds_core.experiment.assembly import build_game
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.games.scene import Scene, scene_of
@@ -180,4 +181,4 @@ class Board:
         status, message = learner.status, learner.parameters
         if status is None or message is None or status.game_digest != self.game.digest:
             return False
-        return len(message.omega) == len(self.game.cost_features.names)
+        return len(message.omega) == costs_of(self.game).size

@@ -14,6 +14,7 @@ from mabirds_bringup.draw.imagined import Imagination
 from mabirds_bringup.draw.scalars import ScalarTopics, scalars_of
 from mabirds_bringup.watch.inspector import WatchedLearner
 from mabirds_core.arrays import Array
+from mabirds_core.costs.models import costs_of
 from mabirds_core.errors import RefusedMessageError
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.games.scene import Scene
@@ -62,7 +63,7 @@ class LearnerArtist:
         status, message = self.learner.status, self.learner.parameters
         if status is None or message is None or status.game_digest != self._game.digest:
             return False
-        return len(message.omega) == len(self._game.cost_features.names)
+        return len(message.omega) == costs_of(self._game).size
 
     def show_scalars(self) -> None:
         """Publish the numbers of the newest status."""

@@ -5,6 +5,7 @@ from typing import NamedTuple
 from mabirds_core.algorithm.memory import stacked
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Mask, Vector
+from mabirds_core.costs.models import costs_of
 from mabirds_core.experiment.assembly import reward_of
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import Streams
@@ -51,7 +52,8 @@ def learned_constraints(
     if confidences is None:
         confidences = _tested(experiment, name, parameters, demonstrations, game, updates)
     if confidences is None:
-        learned, scores = by_threshold(parameters.omega, experiment.constraint_threshold), -parameters.omega
+        omega = costs_of(game).by_feature(parameters.omega)
+        learned, scores = by_threshold(omega, experiment.constraint_threshold), -omega
     else:
         learned, scores = confidences >= experiment.constraint_confidence, confidences
     truth = game.true_constraints

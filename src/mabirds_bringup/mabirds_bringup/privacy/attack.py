@@ -38,6 +38,8 @@ def rebuild(experiment: Experiment, name: str, history: History) -> Rebuilt:
     Raises ExperimentError where this attack is none: for other games, mixing or step rules.
     """
     learner = build_learner(experiment, name)
+    if not learner.estimator.costs.linear:
+        raise ExperimentError("algorithm.cost: this audit is of linear costs, whose steps tell counts")
     if experiment.mixing.declares_members:
         raise ExperimentError("mixing is resilient: this audit is of strict mixing, where neighbours see theta, omega")
     transitions = getattr(learner.game, "transitions", None)
@@ -113,7 +115,7 @@ class _Attack:
     def _expected(self, n: int, starts: Indices, policy: Policy | None) -> GradientEstimate:
         """What the learner expected at iteration n; the other side of the estimate is not looked at."""
         parameters = self._at(self.learner.mixer.name, n)
-        memory = _Pretended(parameters, starts, self._fill(n))
+        memory = _Pretended(starts, self._fill(n))
         rng = np.random.default_rng([self.learner.seed, self.learner.index, n])
         return self.learner.estimator(parameters, cast("Any", memory), rng, policy)
 
@@ -134,11 +136,10 @@ class _Attack:
 class _Pretended:
     """A memory of starts alone, which is all that an expectation needs of it."""
 
-    like: Parameters
     starts: Indices
     fill: float
     examples: None = None
 
-    def observed(self, theta: Vector) -> Parameters:
+    def observed(self, parameters: Parameters) -> Parameters:
         """Not known, and not looked at."""
-        return Parameters(np.full_like(theta, np.nan), np.full_like(self.like.omega, np.nan))
+        return Parameters(*(np.full_like(values, np.nan) for values in parameters))

@@ -45,10 +45,10 @@ def describe(learner: WatchedLearner, top: int) -> dict[str, Any]:
 
 
 def describe_parameters(learner: WatchedLearner, top: int) -> dict[str, Any]:
-    """Iteration, norms and the costliest features of the newest parameters."""
-    parameters = arrays(learner.parameters)
-    order = np.argsort(parameters.omega, kind="stable")[:top]
-    names = learner.names.omega
+    """Iteration, norms and the costliest features of the newest parameters; weights of a network are of no feature."""
+    parameters, names = arrays(learner.parameters), learner.names.omega
+    of_network = learner.feature_names is not None and not names
+    order = np.argsort(parameters.omega, kind="stable")[: 0 if of_network else top]
     return {
         "iteration": learner.parameters.iteration if learner.parameters else None,
         **norms(parameters),

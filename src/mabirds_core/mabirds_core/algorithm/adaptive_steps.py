@@ -30,7 +30,7 @@ from mabirds_core.algorithm.gradient import GradientEstimate
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.algorithm.steps import RuleState
 from mabirds_core.arithmetic import log, power
-from mabirds_core.arrays import Vector
+from mabirds_core.arrays import Mask, Vector
 from mabirds_core.settings import Settings
 
 PRIOR = {"theta": 0.1, "omega": 0.001}
@@ -59,6 +59,11 @@ class _Move(NamedTuple):
     momentum: Vector
     squares: Vector
 
+    def put(self, where: Mask, values: "_Move") -> None:
+        """Set some coordinates."""
+        for mine, theirs in zip(self, values, strict=True):
+            mine[where] = theirs
+
 
 class AdaptiveSteps(Settings):
     """Steps that need no numbers."""
@@ -79,11 +84,12 @@ class AdaptiveSteps(Settings):
         for name in Parameters._fields:
             momentum, squares = state[f"momentum.{name}"], state[f"squares.{name}"]
             expected, demonstrated = getattr(estimate.imagined, name), getattr(estimate.observed, name)
-            if getattr(estimate.counts, name):
-                after = _ratio_momentum(momentum, expected, demonstrated, PRIOR[name] / n, rate)
-                moves[name] = _Move(after, after, squares)
-            else:
-                moves[name] = _adagrad(momentum, squares, estimate.window_fill * (expected - demonstrated), n)
+            moves[name] = move = _Move(*(np.zeros_like(momentum) for _ in _Move._fields))
+            counts = np.broadcast_to(getattr(estimate.counts, name), momentum.shape)
+            after = _ratio_momentum(momentum[counts], expected[counts], demonstrated[counts], PRIOR[name] / n, rate)
+            move.put(counts, _Move(after, after, squares[counts]))
+            gradient = estimate.window_fill * (expected - demonstrated)
+            move.put(~counts, _adagrad(momentum[~counts], squares[~counts], gradient[~counts], n))
         remembered = {
             f"{part}.{name}": getattr(move, part) for name, move in moves.items() for part in ("momentum", "squares")
         }
@@ -97,7 +103,7 @@ class AdaptiveSteps(Settings):
         Of a(n), which hangs on how many features were active, the steps tell as well: none is longer than that of a
         coordinate that was never demonstrated. Where a step is as long as -g can be, the count is the least it can be.
         """
-        names = [name for name in Parameters._fields if getattr(estimate.counts, name)]
+        names = [name for name in Parameters._fields if np.all(getattr(estimate.counts, name))]
         rises = {name: getattr(step, name) - MOMENTUM * state[f"momentum.{name}"] for name in names}
         imagined = {name: np.maximum(getattr(estimate.imagined, name), 0.0) for name in names}
         rate = max((_rate_behind(rises[name], imagined[name], PRIOR[name] / n) for name in names), default=0.0)
@@ -133,6 +139,9 @@ def _adagrad(momentum: Vector, squares: Vector, gradient: Vector, n: int) -> _Mo
 
 def _rate(estimate: GradientEstimate, n: int) -> float:
     """a(n): the more features are active at a time, the less each of them has to do."""
-    counted = [values.sum() for values, counts in zip(estimate.observed, estimate.counts, strict=True) if counts]
+    counted = (
+        values[np.broadcast_to(counts, values.shape)].sum()
+        for values, counts in zip(estimate.observed, estimate.counts, strict=True)
+    )
     active = sum(counted) / estimate.mass
     return float(RATE / power(1 + n / SLOWER_AFTER, DECAY) / max(active, MIN_ACTIVE))

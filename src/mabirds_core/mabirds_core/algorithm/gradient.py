@@ -16,18 +16,23 @@ import numpy as np
 from mabirds_core.algorithm.memory import Memory, WindowMemory
 from mabirds_core.algorithm.parameters import Parameters, scaled
 from mabirds_core.arithmetic import powers
-from mabirds_core.games.interface import ConstrainedMarkovGame
+from mabirds_core.arrays import Mask, Vector
+from mabirds_core.costs.models import CostModel, costs_of
+from mabirds_core.games.interface import ConstrainedMarkovGame, Visitation
 from mabirds_core.planners.interface import OccupancyEstimator, Planner, Policy
 from mabirds_core.rewards.models import RewardModel
+
+COSTS = 1
+"""Tells omega(1) from theta(1), where both are drawn."""
 
 RolloutStart = Literal["initial", "demonstration"]
 
 
 class Counts(NamedTuple):
-    """Are the entries of theta's and of omega's expectations counts, which are never negative?"""
+    """Are the entries of theta's and of omega's expectations counts, which are never negative? All, or a mask's."""
 
-    theta: bool
-    omega: bool
+    theta: bool | Mask
+    omega: bool | Mask
 
 
 class GradientEstimate(NamedTuple):
@@ -36,7 +41,7 @@ class GradientEstimate(NamedTuple):
     Attributes
     ----------
     imagined : Parameters
-        E_pi grad J(zeta) and E_pi mu(zeta).
+        E_pi grad J(zeta) and E_pi mu(zeta); in omega also the gradient of what a cost model adds to the loss.
     observed : Parameters
         Means of grad J and mu over the demonstrations.
     policy : Policy
@@ -79,9 +84,9 @@ class GradientEstimator:
     """
 
     def initial_parameters(self, seed: int) -> Parameters:
-        """theta(1) of the reward model, the same for all who share the seed; omega(1) = 0."""
+        """theta(1) of the reward model and omega(1) of the cost model, the same for all who share the seed."""
         theta = self.reward.initial(np.random.default_rng(seed))
-        return Parameters(theta, np.zeros(len(self.game.cost_features.names)))
+        return Parameters(theta, self.costs.initial(np.random.default_rng([seed, COSTS])))
 
     def __call__(
         self,
@@ -111,16 +116,25 @@ class GradientEstimator:
         policy = self.planner.plan(*parameters, previous, rng, memory.examples)
         starts = memory.starts if self.rollout_start == "demonstration" else None
         visitation = self.expectation(policy, rng, starts)
-        imagined = Parameters(
-            self.reward.gradient(parameters.theta, visitation), self.game.cost_features.total(visitation)
-        )
-        observed = memory.observed(parameters.theta)
+        imagined = Parameters(self.reward.gradient(parameters.theta, visitation), self._paid(parameters, visitation))
+        observed = memory.observed(parameters)
         return GradientEstimate(imagined, observed, policy, self.counts, self.mass, memory.fill)
+
+    def _paid(self, parameters: Parameters, visitation: Visitation) -> Vector:
+        """E_pi mu and, of costs with a penalty, its gradient."""
+        costs, omega = self.costs, parameters.omega
+        paid = costs.gradient_of_total(omega, costs.total(visitation))
+        return paid if costs.linear else paid + costs.penalty_gradient(omega)
+
+    @cached_property
+    def costs(self) -> CostModel:
+        """-c_omega."""
+        return costs_of(self.game)
 
     @cached_property
     def counts(self) -> Counts:
         """Features that say nothing of their sign may have either."""
-        return Counts(getattr(self.reward, "counts", False), getattr(self.game.cost_features, "nonnegative", False))
+        return Counts(getattr(self.reward, "counts", False), self.costs.counts)
 
     @cached_property
     def mass(self) -> float:

@@ -16,6 +16,7 @@ import numpy as np
 
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Array, Indices, Vector
+from mabirds_core.costs.models import costs_of
 from mabirds_core.errors import CheckpointError
 from mabirds_core.games.interface import (
     ConstrainedMarkovGame,
@@ -57,8 +58,8 @@ class Memory(Protocol):
         """The memory with the demonstrations of the next iteration, one row each."""
         ...
 
-    def observed(self, theta: Vector) -> Parameters:
-        """Means of grad J at theta and of mu over the demonstrations."""
+    def observed(self, parameters: Parameters) -> Parameters:
+        """Means of grad J and of mu over the demonstrations, at theta and omega."""
         ...
 
     def to_arrays(self) -> dict[str, Array]:
@@ -128,10 +129,13 @@ class WindowMemory:
         """The oldest makes way."""
         return replace(self, newest=(demonstrations, *self.newest)[: self.length])
 
-    def observed(self, theta: Vector) -> Parameters:
+    def observed(self, parameters: Parameters) -> Parameters:
         """Means over the window."""
-        visitation = discounted_visitation(self.examples, self.game.discount)
-        return Parameters(self.reward.gradient(theta, visitation), self.game.cost_features.total(visitation))
+        visitation, costs = discounted_visitation(self.examples, self.game.discount), costs_of(self.game)
+        return Parameters(
+            self.reward.gradient(parameters.theta, visitation),
+            costs.gradient_of_total(parameters.omega, costs.total(visitation)),
+        )
 
     def to_arrays(self) -> dict[str, Array]:
         """recent.K.states, recent.K.actions; not the oldest, which the next one replaces."""
@@ -162,7 +166,7 @@ class Sums(NamedTuple):
     reward : Vector
         Discounted counts of the reward features, shape (K_f,).
     cost : Vector
-        Discounted counts of the cost features, shape (K_omega,).
+        Discounted counts of the cost features, and what else gradients of the costs hang on, shape (K_c,).
     starts : Any
         Different starts, one per row or entry, in the order in which they came first.
     start_counts : Indices
@@ -202,7 +206,7 @@ class RunningMean:
             Of nothing.
         """
         nothing = np.zeros(0, dtype=np.int64)
-        sums = Sums(0, np.zeros(reward.total_size), np.zeros(len(game.cost_features.names)), nothing, nothing)
+        sums = Sums(0, np.zeros(reward.total_size), np.zeros(costs_of(game).total_size), nothing, nothing)
         return RunningMean(game, reward, sums)
 
     @property
@@ -223,20 +227,24 @@ class RunningMean:
     @property
     def shown(self) -> ShownFeatures:
         """By the sums of their counts."""
-        return ShownFeatures(self.sums.cost > 0, self.sums.demonstrations)
+        of_features = self.sums.cost[: len(self.game.cost_features.names)]
+        return ShownFeatures(of_features > 0, self.sums.demonstrations)
 
     def add(self, demonstrations: Trajectories) -> "RunningMean":
         """Their counts are added."""
         rows, visitation = len(demonstrations.states), discounted_visitation(demonstrations, self.game.discount)
-        reward, cost = rows * self.reward.total(visitation), rows * self.game.cost_features.total(visitation)
+        reward, cost = rows * self.reward.total(visitation), rows * costs_of(self.game).total(visitation)
         old = self.sums
         sums = old._replace(demonstrations=old.demonstrations + rows, reward=old.reward + reward, cost=old.cost + cost)
         return RunningMean(self.game, self.reward, _with_starts(sums, demonstrations.states[:, 0]), demonstrations)
 
-    def observed(self, theta: Vector) -> Parameters:
+    def observed(self, parameters: Parameters) -> Parameters:
         """Means over all demonstrations."""
-        mean = self.sums.reward / self.sums.demonstrations
-        return Parameters(self.reward.gradient_of_total(theta, mean), self.sums.cost / self.sums.demonstrations)
+        of_reward, of_costs = (sums / self.sums.demonstrations for sums in (self.sums.reward, self.sums.cost))
+        return Parameters(
+            self.reward.gradient_of_total(parameters.theta, of_reward),
+            costs_of(self.game).gradient_of_total(parameters.omega, of_costs),
+        )
 
     def to_arrays(self) -> dict[str, Array]:
         """observed.demonstrations, observed.reward, observed.cost, observed.starts, observed.start_counts."""
@@ -265,7 +273,7 @@ def _with_starts(sums: Sums, begun: Steps) -> Sums:
 
 def _sums_of(game: ConstrainedMarkovGame, reward: SummableReward, kept: Mapping[str, Array]) -> Sums:
     """Sums of a checkpoint; raises CheckpointError for what cannot be such."""
-    for name, size in (("reward", reward.total_size), ("cost", len(game.cost_features.names))):
+    for name, size in (("reward", reward.total_size), ("cost", costs_of(game).total_size)):
         if kept[name].shape != (size,) or not np.isfinite(kept[name]).all():
             raise CheckpointError(f"observed.{name}: expected {size} finite numbers")
     demonstrations, counts = kept["demonstrations"], kept["start_counts"]

@@ -12,6 +12,7 @@ from mabirds_core.baselines.settings import (
     MeGradientSettings,
     MeGreedySettings,
 )
+from mabirds_core.costs.models import costs_of
 from mabirds_core.errors import ExperimentError
 from mabirds_core.registry import Kind
 
@@ -90,8 +91,10 @@ def build_me_greedy(settings: MeGreedySettings, parts: MethodParts) -> MeGreedy:
     Raises
     ------
     ExperimentError
-        Moves slip, so that no choice keeps a hard constraint for sure.
+        Moves slip, so that no choice keeps a hard constraint for sure, or costs are no weights of features.
     """
+    if not costs_of(parts.game).linear:
+        raise ExperimentError("method me_greedy: it forbids features, and costs are a network; take me_gradient")
     if not parts.game.transitions.deterministic:
         raise ExperimentError("method me_greedy: moves slip, and hard constraints cannot be kept; take me_gradient")
     return MeGreedy(parts.game, settings.least_mass)

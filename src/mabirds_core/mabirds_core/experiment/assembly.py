@@ -22,9 +22,12 @@ from mabirds_core.rewards.shown import RewardWithShown
 
 
 def build_game(experiment: Experiment) -> Game:
-    """The experiment's game."""
-    game: Game = build("mabirds.games", experiment.game)
-    return game
+    """The experiment's game, with what its omega means where that is more than weights of cost features."""
+    game: Any = build("mabirds.games", experiment.game)
+    costs = build("mabirds.costs", experiment.algorithm.cost, game)
+    if not costs.linear:
+        game.cost_model = costs
+    return cast("Game", game)
 
 
 def build_reward(experiment: Experiment, game: Game) -> RewardModel:

@@ -24,7 +24,7 @@ from mabirds_core.yaml_files import MAX_FILE, read_yaml
 KINDS_REMEDY = "; `mabirds kinds` lists what is installed, and what cannot be used and why"
 """Where a file names a kind that there is not."""
 
-GAMES, PLANNERS = "mabirds.games", "mabirds.planners"
+GAMES, PLANNERS, COSTS = "mabirds.games", "mabirds.planners", "mabirds.costs"
 
 MAX_VALUE = 60
 """Characters of a wrong value that an error shows."""
@@ -102,6 +102,7 @@ class Experiment(Settings):
     def _check_choices(self) -> None:
         """Planners, expectations and experts must be made for the game, and what is rolled out must fit into memory."""
         game, planner = build(GAMES, self.game), kind_of(PLANNERS, self.algorithm.policy)
+        costs = kind_of(COSTS, self.algorithm.cost)
         fitting = {
             "algorithm.policy.kind": planners_for(kind_of(GAMES, self.game).form),
             "algorithm.expectation": game.expectations,
@@ -112,8 +113,9 @@ class Experiment(Settings):
             if given is not None and given not in choices:
                 raise ExperimentError(f"{name} {given!r}: the game is {self.game.kind}; take one of {list(choices)}")
         check_rollouts("rollouts", self.algorithm.rollouts, game.horizon)
-        if planner.check:
-            planner.check(self.algorithm.policy, game)
+        for kind, settings in ((planner, self.algorithm.policy), (costs, self.algorithm.cost)):
+            if kind.check:
+                kind.check(settings, game)
 
     @property
     def edge_schedule(self) -> EdgeSchedule:
@@ -169,9 +171,11 @@ def without_defaults(settings: Settings) -> dict[str, Any]:
 
 
 def _written(value: Any, as_json: Any) -> Any:
-    """A value in the same form, also where settings stand in a list: an option of theirs may come to be later, too."""
+    """A value in the same form, also settings in lists and by name: an option of theirs may come to be later, too."""
     if isinstance(value, Settings):
         return without_defaults(value)
+    if isinstance(value, dict):
+        return {name: _written(part, as_json[name]) for name, part in value.items()}
     if isinstance(value, tuple):
         return [_written(*pair) for pair in zip(value, as_json, strict=True)]
     return as_json

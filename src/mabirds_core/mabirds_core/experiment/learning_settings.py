@@ -6,6 +6,7 @@ from pydantic import Field, create_model, field_validator
 
 from mabirds_core.algorithm.adaptive_steps import AdaptiveSteps
 from mabirds_core.algorithm.gradient import RolloutStart
+from mabirds_core.costs.settings import LinearCostSettings
 from mabirds_core.planners.settings import SoftValueIterationSettings
 from mabirds_core.registry import METHODS, kinds, union
 from mabirds_core.rewards.settings import LinearRewardSettings
@@ -14,10 +15,12 @@ from mabirds_core.settings import Settings
 if TYPE_CHECKING:
     StepRule: TypeAlias = Any
     RewardSettings: TypeAlias = Any
+    CostSettings: TypeAlias = Any
     PlannerSettings: TypeAlias = Any
 else:
     StepRule = union("mabirds.step_rules")
     RewardSettings = union("mabirds.rewards")
+    CostSettings = union("mabirds.costs")
     PlannerSettings = union("mabirds.planners")
 
 
@@ -36,6 +39,7 @@ class AlgorithmSettings(Settings):
     rollouts: int = Field(100, ge=1, le=1_000_000, description="m: trajectories per gradient, where sampled")
     rollout_start: RolloutStart = Field("demonstration", description="roll out from P_0, or where demonstrations began")
     reward: RewardSettings = Field(LinearRewardSettings(), description="the reward model")
+    cost: CostSettings = Field(LinearCostSettings(), description="the cost model")
     share_shown: bool = Field(
         True,
         description="tell neighbours, in theta, which cost features were shown, in games with a constraint test; false:"

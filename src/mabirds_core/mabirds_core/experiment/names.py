@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+from mabirds_core.costs.models import costs_of
 from mabirds_core.experiment.assembly import reward_of
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.games.whole_game import Game
@@ -15,7 +16,7 @@ class ParameterNames(NamedTuple):
     theta : tuple[str, ...]
         One for each reward parameter; empty where they have no meaning of their own, as those of a network.
     omega : tuple[str, ...]
-        One for each cost feature.
+        One for each cost feature; empty where omega are weights of a network.
     """
 
     theta: tuple[str, ...]
@@ -43,4 +44,4 @@ def parameter_names(experiment: Experiment, name: str, game: Game) -> ParameterN
     named = reward if hasattr(reward, "names") else getattr(reward, "features", None)
     of_features = tuple(getattr(named, "names", ()))
     theta = of_features if reward is not None and len(of_features) == reward.size else ()
-    return ParameterNames(theta, tuple(game.cost_features.names))
+    return ParameterNames(theta, costs_of(game).names)

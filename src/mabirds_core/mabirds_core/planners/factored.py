@@ -210,7 +210,7 @@ def factored_reward(reward_model: Any, cost_features: Any, theta: Vector, omega:
     reward_model : Any
         r_theta: factorises if ``weights(theta)`` says what it weighs its ``features`` with, and these do.
     cost_features : Any
-        phi: factorise if they say how.
+        phi, or another model of costs: factorise if they say how.
     theta : Vector
         Reward parameters, shape (K_theta,).
     omega : Vector
@@ -224,7 +224,8 @@ def factored_reward(reward_model: Any, cost_features: Any, theta: Vector, omega:
     features: Any = getattr(reward_model, "features", None)
     if library() is None or not (hasattr(features, "factored") and hasattr(cost_features, "factored")):
         return None
-    if not hasattr(reward_model, "weights"):
+    of_costs: FactoredReward | None = cost_features.factored(omega)
+    if of_costs is None or not hasattr(reward_model, "weights"):
         return None
     of_reward: FactoredReward = features.factored(reward_model.weights(theta))
-    return of_reward.plus(cost_features.factored(omega))
+    return of_reward.plus(of_costs)

@@ -1,5 +1,6 @@
 """The entry points of the planners for enumerable games."""
 
+from mabirds_core.costs.models import costs_of
 from mabirds_core.games.interface import TabularGame
 from mabirds_core.planners.interface import Planner
 from mabirds_core.planners.settings import SoftQSettings, SoftValueIterationSettings, check_soft_q
@@ -30,7 +31,7 @@ def build_soft_value_iteration(
     """
     from mabirds_core.planners.soft_bellman import SoftBellmanPlanner
 
-    return SoftBellmanPlanner(game, reward, game.cost_features)
+    return SoftBellmanPlanner(game, reward, costs_of(game))
 
 
 def build_soft_q(settings: SoftQSettings, game: TabularGame, reward: TabularRewardModel) -> Planner:
@@ -52,7 +53,7 @@ def build_soft_q(settings: SoftQSettings, game: TabularGame, reward: TabularRewa
     """
     from mabirds_core.planners.soft_q_learning import SoftQPlanner
 
-    return SoftQPlanner(game, reward, game.cost_features, **settings.model_dump(exclude={"kind"}))
+    return SoftQPlanner(game, reward, costs_of(game), **settings.model_dump(exclude={"kind"}))
 
 
 SOFT_VALUE_ITERATION = Kind(SoftValueIterationSettings, build_soft_value_iteration, form="tabular")

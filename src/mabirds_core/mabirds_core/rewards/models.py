@@ -2,13 +2,13 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
-from mabirds_core.arithmetic import product, tanh
 from mabirds_core.arrays import Array, Vector
 from mabirds_core.games.interface import FeatureMap, RewardFeatureMap, TabularFeatureMap, TabularGame, Visitation
+from mabirds_core.networks import BoundedNetwork
 
 
 class RewardModel(Protocol):
@@ -166,17 +166,6 @@ class LinearReward(LinearModel):
         return self.features.table(theta)
 
 
-class Layers(NamedTuple):
-    """theta of the neural reward by layer: D inputs, H hidden units."""
-
-    inputs: Array
-    """U, shape (H, D)."""
-    hidden: Vector
-    """b, shape (H,)."""
-    outputs: Vector
-    """v, shape (H,)."""
-
-
 @dataclass(frozen=True)
 class NeuralReward:
     """r_theta(s, a) = sum_k w_k(theta) f_k(s, a), where a small network makes the weights of the linear features:
@@ -184,9 +173,8 @@ class NeuralReward:
         w_k = C / N_E  tanh( sum_h tanh(v_h) tanh(U_h x_k + b_h) )
 
     x_k in [-1, 1]^D describes feature k (``FeatureMap.descriptors``), and every state-action pair has one active
-    feature an expert, so |r_theta| <= C. As tanh, its first and its second derivative are bounded, and v enters
-    through tanh alone, the gradient and the Hessian of r_theta are bounded for all theta (Assumption 1):
-    |dw/dv_h| <= C / N_E, |dw/db_h| <= C / N_E, |dw/dU_hd| <= C / N_E.
+    feature an expert, so |r_theta| <= C. The gradient and the Hessian of r_theta are bounded for all theta
+    (``networks``): |dw/dv_h| <= C / N_E, |dw/db_h| <= C / N_E, |dw/dU_hd| <= C / N_E.
     """
 
     features: RewardFeatureMap
@@ -197,31 +185,21 @@ class NeuralReward:
     counts = False
 
     @cached_property
-    def _x(self) -> Array:
-        return self.features.descriptors
+    def _network(self) -> BoundedNetwork:
+        return BoundedNetwork(self.features.descriptors, self.hidden)
 
     @property
     def size(self) -> int:
         """H (D + 2)."""
-        return self.hidden * (len(self._x[0]) + 2)
+        return self._network.size
 
     def initial(self, rng: np.random.Generator) -> Vector:
         """Standard normal inputs; outputs of zero, so that every policy looks alike at first."""
-        drawn = rng.normal(size=self.size - self.hidden)
-        return np.concatenate([drawn, np.zeros(self.hidden)])
-
-    def _layers(self, theta: Vector) -> Layers:
-        inputs, hidden, outputs = np.split(theta, [self.hidden * self._x.shape[1], self.size - self.hidden])
-        return Layers(inputs.reshape(self.hidden, -1), hidden, outputs)
-
-    def _activations(self, layers: Layers) -> Array:
-        """tanh(U x_k + b), shape (K, H)."""
-        return tanh(product(self._x, layers.inputs.T) + layers.hidden)
+        return self._network.initial(rng)
 
     def weights(self, theta: Vector) -> Vector:
         """w_k(theta), shape (K,)."""
-        layers = self._layers(theta)
-        return self.bound / self.n_experts * tanh(_weighed(self._activations(layers), layers))
+        return self.bound / self.n_experts * self._network.values(theta)
 
     def table(self, theta: Vector) -> Array:
         """r_theta(s, a), shape (S, A)."""
@@ -230,7 +208,7 @@ class NeuralReward:
     @property
     def total_size(self) -> int:
         """Number of the features that are weighed."""
-        return len(self._x)
+        return len(self._network.points)
 
     def total(self, visitation: Visitation) -> Vector:
         """The visitation's total of the features, shape (K,)."""
@@ -242,18 +220,7 @@ class NeuralReward:
 
     def gradient_of_total(self, theta: Vector, total: Vector) -> Vector:
         """Backwards through the network from a total of the features, shape (size,)."""
-        layers = self._layers(theta)
-        active = self._activations(layers)
-        slope = 1 - tanh(_weighed(active, layers)) ** 2
-        of_output = self.bound / self.n_experts * total * slope
-        of_hidden = of_output[:, None] * tanh(layers.outputs) * (1 - active**2)
-        of_outputs = product(of_output[None], active)[0] * (1 - tanh(layers.outputs) ** 2)
-        return np.concatenate([product(of_hidden.T, self._x).ravel(), of_hidden.sum(axis=0), of_outputs])
-
-
-def _weighed(active: Array, layers: Layers) -> Vector:
-    """sum_h tanh(v_h) times the activations (K, H), shape (K,)."""
-    return product(active, tanh(layers.outputs)[:, None])[:, 0]
+        return self._network.gradient(theta, self.bound / self.n_experts * total)
 
 
 @dataclass(frozen=True)

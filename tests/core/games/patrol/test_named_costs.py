@@ -132,3 +132,46 @@ def test_that_experts_keep_apart_is_learned_as_a_cost_of_nearness() -> None:
         expected = plain.cost_features.total(pairs_of(discounted_steps(plain) * occupancy_measure(plain, tried)))[-1]
         low, high = (low, middle) if expected > shown else (middle, high)
     assert middle == pytest.approx(-3.0, abs=1e-6)
+
+
+RING = "3 * exp(-(distance - 2) ** 2) + shade_1"
+
+
+@every_game
+def test_what_experts_really_pay_is_in_their_reward_and_no_feature(game: PatrolGame) -> None:
+    paying = with_costs(game, true_cost=RING)
+    rules, expected = SlowPatrol(game.settings), list[float]()
+    for state in rules.states:
+        here = [cell for i, cell in enumerate(state) if not rules.gone(i, cell)]
+        distance = min((dist(a, b) for a, b in combinations(here, 2)), default=inf)
+        shade = 0.0 if rules.gone(0, state[0]) else SHADE[state[0][0]][state[0][1]]
+        expected.append(3 * exp(-((distance - 2) ** 2)) + shade)
+    difference = game.task_reward - paying.task_reward
+    np.testing.assert_allclose(difference, np.repeat(np.array(expected)[:, None], game.n_actions, axis=1), atol=1e-14)
+    assert not game.true_cost.any()
+    assert paying.cost_features.names == game.cost_features.names
+    assert paying.digest == game.digest
+
+
+def test_experts_shun_what_they_pay_for() -> None:
+    plain = patrol("....\n....\n....", [((0, 0), (2, 3))], [(2, 3), (0, 0)], 9, 0.95, costs={"near": "exp(-distance)"})
+    paying = with_costs(plain, true_cost="20 * exp(-distance)", costs=plain.settings.costs, layers={})
+    near = [
+        game.cost_features.total(pairs_of(occupancy_measure(game, game.experts("soft", "by_start").policy)))[-1]
+        for game in (plain, paying)
+    ]
+    assert near[1] < 0.7 * near[0]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"true_cost": "1 / distance"}, "true_cost '1 / distance': inf where"),
+        ({"true_cost": "distance_1_3"}, r"true_cost: \['distance_1_3'\] is none of"),
+        ({"true_cost": RING, "truth": "unknown", "map": "...\n..."}, "truth unknown: expected no true_cost"),
+    ],
+    ids=str,
+)
+def test_wrong_true_costs_are_refused_by_name(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValidationError, match=message):
+        with_costs(hallway(), **change)

@@ -12,6 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from mabirds_core.arrays import Array, Vector
+from mabirds_core.games.drones.named_costs import named_costs
 from mabirds_core.games.drones.settings import DroneFeatureSettings, DroneSettings
 from mabirds_core.games.drones.space import DroneSpace
 from mabirds_core.games.interface import Visitation
@@ -186,7 +187,7 @@ class RbfGrid:
 
 
 class DroneCostFeatures:
-    """phi: RBFs of each drone's place, then steps of each pair's distance, then each drone's effort.
+    """phi: RBFs of each drone's place, steps of each pair's distance, each drone's effort, then the user's own.
 
     RBFs fade out towards a drone's own goal region, which rewards are to explain: phi_c(p) = rbf_c(p)
     (1 - exp(-|p - goal|^2 / 2 radius^2)). Steps are distance_scale / (1 + exp((d - level) / softness)), for drones that
@@ -201,6 +202,7 @@ class DroneCostFeatures:
         self._distance_scale, self._softness = features.distance_scale, features.distance_softness
         self.grid = RbfGrid(space.sides, space.grid(features.cost_spacing), features.cost_width)
         self._effort = features.effort_scale / max_action**2
+        self._named, self._own_names = named_costs(space, settings.costs), tuple(settings.costs)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -210,13 +212,15 @@ class DroneCostFeatures:
             *(f"drone_{i} near ({x:.2f}, {y:.2f}) m" for i in drones for x, y in self.grid.nodes),
             *(f"drones {i + 1} and {j + 1} within {w:g} m" for i, j in self._space.pairs for w in self._levels),
             *(f"drone_{i} effort" for i in drones),
+            *self._own_names,
         )
 
-    def _parts(self, weights: Vector) -> tuple[Array, Array, Vector]:
-        """Weights of places (N_E, X Y), of distances (pairs, levels) and of effort (N_E,)."""
+    def _parts(self, weights: Vector) -> tuple[Array, Array, Vector, Vector]:
+        """Weights of places (N_E, X Y), of distances (pairs, levels), of effort (N_E,) and of the user's own (J,)."""
         n, pairs = self._space.n_experts, len(self._space.pairs)
-        places, distances, effort = np.split(weights, np.cumsum([n * self.grid.size, pairs * len(self._levels)]))
-        return places.reshape(n, -1), distances.reshape(pairs, len(self._levels)), effort
+        sizes = [n * self.grid.size, pairs * len(self._levels), n]
+        places, distances, effort, named = np.split(weights, np.cumsum(sizes))
+        return places.reshape(n, -1), distances.reshape(pairs, len(self._levels)), effort, named
 
     def _fade(self, drone: int, places: Array) -> Vector:
         goal = self._goals[drone]
@@ -236,19 +240,43 @@ class DroneCostFeatures:
                 *(self.grid.total(places[:, i], weights * self._fade(i, places[:, i])) for i in range(space.n_experts)),
                 *(weights @ self._steps(distances) for distances in pair_distances(space, states)),
                 weights @ (controls**2).sum(axis=-1) * self._effort,
+                self._total_of_named(visitation),
             ]
         )
 
+    def _total_of_named(self, visitation: Visitation) -> Vector:
+        """Sums of the user's own, shape (J,)."""
+        space, (states, actions, weights) = self._space, visitation
+        drones, controls = np.moveaxis(space.drones(states), 1, 0), np.moveaxis(space.controls(actions), 1, 0)
+        distances = [*pair_distances(space, states)] if self._named else []
+        return np.array(
+            [
+                sum(float((weights * cost.of_drone(drones[i], controls[i])).sum()) for i in cost.drones)
+                + sum(float((weights * cost.of_distance(distances[pair])).sum()) for pair in cost.pairs)
+                for cost in self._named
+            ],
+            dtype=np.float64,
+        )
+
     def unary(self, weights: Vector, drone: int, states: Array, actions: Array) -> Array:
-        """Costs of one drone's place and effort."""
-        by_place, _, effort = self._parts(weights)
+        """Costs of one drone's place and effort, and the user's own of one drone."""
+        by_place, _, effort, named = self._parts(weights)
         places = states[..., :2]
         of_place = self.grid.values(by_place[drone], places) * self._fade(drone, places)
-        return np.asarray(of_place + effort[drone] * self._effort * (actions**2).sum(axis=-1))
+        costs = np.asarray(of_place + effort[drone] * self._effort * (actions**2).sum(axis=-1))
+        for weight, cost in zip(named, self._named, strict=True):
+            if drone in cost.drones:
+                costs = costs + weight * cost.of_drone(states, actions)
+        return costs
 
     def pairwise(self, weights: Vector, pair: int, distances: Array) -> Array:
-        """Costs of a pair's distance."""
-        return np.asarray(self._steps(distances) @ self._parts(weights)[1][pair])
+        """Costs of a pair's distance, and the user's own of it."""
+        _, by_level, _, named = self._parts(weights)
+        costs = np.asarray(self._steps(distances) @ by_level[pair])
+        for weight, cost in zip(named, self._named, strict=True):
+            if pair in cost.pairs:
+                costs = costs + weight * cost.of_distance(distances)
+        return costs
 
 
 class DroneRewardFeatures:

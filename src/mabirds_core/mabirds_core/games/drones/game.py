@@ -97,7 +97,7 @@ class DroneGame:
 
     @cached_property
     def cost_features(self) -> DroneCostFeatures:
-        """phi: RBFs of each drone's place, steps of two drones' distance, each drone's effort."""
+        """phi: RBFs of each drone's place, steps of two drones' distance, each drone's effort, the user's own."""
         return DroneCostFeatures(self.space, self.settings, self.dynamics.max_action)
 
     @cached_property
@@ -116,7 +116,8 @@ class DroneGame:
             return None
         inside = settings.touched(nodes)
         close = [level <= settings.least_distance for level in settings.features.distance_levels]
-        return np.array([*np.tile(inside, self.n_experts), *close * len(self.pairs), *[False] * self.n_experts])
+        never = [False] * (self.n_experts + len(settings.costs))  # effort, and the user's own
+        return np.array([*np.tile(inside, self.n_experts), *close * len(self.pairs), *never])
 
     def obstacle_clearance(self, states: Array) -> Array:
         """Metres left between each drone and the nearest obstacle on each segment.

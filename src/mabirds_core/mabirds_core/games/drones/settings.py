@@ -10,7 +10,9 @@ from pydantic import Field, field_validator, model_validator
 
 from mabirds_core.arrays import Array, Mask
 from mabirds_core.games.drones.geometry import segment_distance
+from mabirds_core.games.drones.named_costs import check_values
 from mabirds_core.games.drones.regions import GoalRegion, Length, Obstacle, Point, inside
+from mabirds_core.games.drones.space import DroneSpace
 from mabirds_core.settings import Settings
 
 MAX_FEATURES = 100_000
@@ -88,6 +90,9 @@ class DroneSettings(Settings):
     )
     step_cost: float = Field(0.1, ge=0, le=1000, description="true reward: minus this per step and drone under way")
     features: DroneFeatureSettings = DroneFeatureSettings()
+    costs: dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")], str] = Field(
+        default_factory=dict, max_length=32, description="cost features of your own: expressions by name"
+    )
 
     renamed: ClassVar[Mapping[str, str]] = {"room": "arena", "pillars": "obstacles"}
 
@@ -168,6 +173,12 @@ class DroneSettings(Settings):
                     f"drones {i} and {j} may start closer than least_distance {self.least_distance:g} m;"
                     " move their starts apart, or make start_spread smaller"
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _costs_have_values(self) -> "DroneSettings":
+        size = 2 if self.dynamics == "single_integrator" else 4
+        check_values(DroneSpace(self.arena, self.n_experts, size), self.max_speed, self.costs)
         return self
 
     @model_validator(mode="after")

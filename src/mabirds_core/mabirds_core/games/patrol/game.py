@@ -6,6 +6,7 @@ a cell nor swap cells. Cells are (row, column), row 0 at the top. Options add wa
 cells, goals that are exits, moves that slip, and a truth that nobody knows.
 """
 
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -18,6 +19,7 @@ from mabirds_core.errors import UnknownTruthError
 from mabirds_core.games.factored import Factors
 from mabirds_core.games.interface import Trajectories, Transitions
 from mabirds_core.games.patrol.arrival import ArrivingReward, lateness
+from mabirds_core.games.patrol.cost_inputs import PatrolCostInputs
 from mabirds_core.games.patrol.decoding import decoded_steps
 from mabirds_core.games.patrol.features import PatrolCostFeatures, PatrolRewardFeatures
 from mabirds_core.games.patrol.named_costs import named_features
@@ -91,9 +93,15 @@ class PatrolGame(EnumerableGame):
     @cached_property
     def cost_features(self) -> PatrolCostFeatures:
         """phi: an indicator per cell and expert, pairs sharing, pairs swapping, and those of the user's own."""
-        settings = self.settings
-        named = named_features(self.grid, settings.costs, settings.layers)
-        return PatrolCostFeatures(self.grid, settings.joint_scale, named)
+        return PatrolCostFeatures(self.grid, self.settings.joint_scale, self._named)
+
+    @cached_property
+    def _named(self) -> dict[str, Vector]:
+        return named_features(self.grid, self.settings.costs, self.settings.layers)
+
+    def cost_inputs(self, chosen: Sequence[str] | None) -> PatrolCostInputs:
+        """What a cost network sees of a joint state: inputs by name, or all there are."""
+        return PatrolCostInputs(self.grid, self.settings.layers, self._named, self.settings.joint_scale, chosen)
 
     @cached_property
     def reward_features(self) -> PatrolRewardFeatures:
@@ -140,10 +148,19 @@ class PatrolGame(EnumerableGame):
 
     @cached_property
     def task_reward(self) -> Array:
-        """-step_cost per step for each expert that has not arrived, shape (S, A)."""
+        """-step_cost per step for each expert that has not arrived, -true_cost at every step; shape (S, A)."""
         self._require_truth("the experts' own reward")
         waiting = (~self._arrived).sum(axis=0)
-        return np.repeat(-self.settings.step_cost * waiting[:, None], self.n_actions, axis=1)
+        of_states = -self.settings.step_cost * waiting - self.true_cost
+        return np.repeat(of_states[:, None], self.n_actions, axis=1)
+
+    @property
+    def true_cost(self) -> Vector:
+        """What experts really pay in joint states beside steps and constraints, shape (S,)."""
+        text, settings = self.settings.true_cost, self.settings
+        if text is None:
+            return np.zeros(self.n_states)
+        return named_features(self.grid, {"true_cost": text}, settings.layers)["true_cost"]
 
     def _require_truth(self, what: str) -> None:
         if self.settings.truth == "unknown":

@@ -1,6 +1,7 @@
 """Patrol maps: obstacles, starts, goals, visits, learned constraints and ways."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import matplotlib as mpl
 
@@ -11,7 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mabirds_core.arrays import Array, Mask, Vector
+from mabirds_core.costs.models import costs_of
 from mabirds_core.games.interface import Trajectories
+from mabirds_core.games.patrol.cost_shapes import by_distance
 from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_core.games.patrol.visits import visits
 from mabirds_core.games.whole_game import Learned
@@ -78,6 +81,28 @@ def draw_paths(axis: Axes, game: PatrolGame, expert: int, demonstrations: Trajec
         axis.plot(columns + offset, rows + offset, color="tab:blue", linewidth=0.8, alpha=0.7)
 
 
+def draw_costs_by_distance(axis: Axes, game: PatrolGame, omega: Vector) -> None:
+    """Draw what joint states cost by the distance of the nearest two experts: the mean, and from least to most.
+
+    Parameters
+    ----------
+    axis : Axes
+        To draw on.
+    game : PatrolGame
+        Whose cost model tells what joint states cost.
+    omega : Vector
+        Of a network.
+    """
+    costs: Any = costs_of(game)
+    apart, mean, least, most = by_distance(game, costs.of_states(omega))
+    axis.fill_between(apart, least, most, color="tab:blue", alpha=0.2)
+    axis.plot(apart, mean, marker=".", color="tab:blue")
+    axis.set_ylim(bottom=0)
+    axis.set_xlabel("distance of the nearest two [cells]", fontsize=7)
+    axis.set_ylabel("learned cost, mean and range [nats]", fontsize=7)
+    axis.tick_params(labelsize=7)
+
+
 def demonstrations_figure(game: PatrolGame, demonstrations: Trajectories) -> Figure:
     """As Figure 2a of the paper: a map of each expert with starts, goal, and the first demonstrations.
 
@@ -105,7 +130,7 @@ def demonstrations_figure(game: PatrolGame, demonstrations: Trajectories) -> Fig
 
 
 def map_figure(game: PatrolGame, learned: Mapping[str, Learned]) -> Figure:
-    """Draw visitation in blue, learned constraints as red crosses, obstacles in grey.
+    """Draw visitation in blue, learned constraints as red crosses, obstacles in grey; of networks, costs by distance.
 
     Parameters
     ----------
@@ -117,17 +142,21 @@ def map_figure(game: PatrolGame, learned: Mapping[str, Learned]) -> Figure:
     Returns
     -------
     Figure
-        A column per name, a row per expert.
+        A column per name, a row per expert, and one for what a network has learned.
     """
-    size = (2.6 * len(learned) + 0.8, 2.8 * game.n_experts)
-    figure, axes = plt.subplots(game.n_experts, len(learned), figsize=size, squeeze=False, layout="constrained")
+    rows = game.n_experts + (hasattr(costs_of(game), "of_states") and game.n_experts > 1)
+    size = (2.6 * len(learned) + 0.8, 2.8 * rows)
+    figure, axes = plt.subplots(rows, len(learned), figsize=size, squeeze=False, layout="constrained")
     for column, (name, (policy, omega, constrained)) in zip(axes.T, learned.items(), strict=True):
         visited = visits(game, policy)
-        for expert, axis in enumerate(column):
+        for expert, axis in enumerate(column[: game.n_experts]):
             cells = slice(expert * game.n_cells, (expert + 1) * game.n_cells)
             draw_map(axis, game, expert, visited[expert], constrained[cells])
             axis.set_title(f"{name}: expert {expert + 1}", fontsize=9)
-        column[-1].set_xlabel(_joint_constraints(game, constrained) + _named_costs(game, omega), fontsize=7)
+        joint = _joint_constraints(game, constrained) + _named_costs(game, omega)
+        column[game.n_experts - 1].set_xlabel(joint, fontsize=7)
+        for axis in column[game.n_experts :]:
+            draw_costs_by_distance(axis, game, omega)
     truth = "\nnobody knows the truth" if game.true_constraints is None else ";\ntrue obstacles (grey)"
     figure.suptitle(f"policy (blue), constraints (red) as learned{truth}; S starts, G goals", fontsize=10)
     return figure
@@ -144,5 +173,7 @@ def _joint_constraints(game: PatrolGame, learned: Mask) -> str:
 
 
 def _named_costs(game: PatrolGame, omega: Vector) -> str:
+    if not costs_of(game).linear:
+        return ""
     weights = omega[game.n_experts * game.n_cells + 2 :]
     return "".join(f"\n{name} costs {-weight:.2f}" for name, weight in zip(game.settings.costs, weights, strict=True))

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from mabirds_core.arrays import Array, Indices, Mask, Vector
+from mabirds_core.costs.models import costs_of
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_core.games.scene import Raster, Spot
@@ -48,9 +49,10 @@ class PatrolScene:
         return np.asarray(self._game.obstacles.reshape(self.raster.rows, self.raster.columns)[::-1])
 
     def costs(self, omega: Vector) -> Array:
-        """-omega of each expert's cells."""
+        """-omega of each expert's cells; of a network, what they cost more than the cheapest."""
         game = self._game
-        by_cell = omega[: game.n_experts * game.n_cells].reshape(game.n_experts, game.height, game.width)
+        by_feature = costs_of(game).by_feature(omega)
+        by_cell = by_feature[: game.n_experts * game.n_cells].reshape(game.n_experts, game.height, game.width)
         return 0.0 - by_cell[:, ::-1]
 
     def positions(self, trajectories: Trajectories) -> Array:

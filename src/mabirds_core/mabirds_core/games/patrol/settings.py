@@ -1,14 +1,15 @@
 """The patrol game as written in an experiment file."""
 
 from itertools import chain
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from mabirds_core.expressions import Expression
 from mabirds_core.games.patrol.geometry import Cell, PatrolGrid
-from mabirds_core.games.patrol.named_costs import QUANTITIES, named_features, quantity_names
+from mabirds_core.games.patrol.named_costs import FEATURES, QUANTITIES, named_features, quantity_names
+from mabirds_core.registry import text_or_union
 from mabirds_core.settings import Settings
 
 MAX_PAIRS = 20_000_000
@@ -18,6 +19,11 @@ MAX_FLOAT = 10**300
 MAX_VALUES = 200_000_000
 """Values of joint states at all steps that a policy can keep: 1.6 gigabytes."""
 
+
+if TYPE_CHECKING:
+    CostFeature: TypeAlias = Any
+else:
+    CostFeature = text_or_union(FEATURES)
 
 MAX_COSTS = 32
 """Cost features of the user's own."""
@@ -67,8 +73,13 @@ class PatrolSettings(Settings):
 
     cell: float | None = Field(None, gt=0, le=1000, description="side of a cell, of recordings [m]")
     time_step: float | None = Field(None, gt=0, le=86_400, description="of a step, of recordings [s]")
-    costs: dict[Name, str] = Field(
-        default_factory=dict, max_length=MAX_COSTS, description="cost features of your own: expressions by name"
+    true_cost: str | None = Field(
+        None, description="what a step costs experts beside step_cost and constraints: an expression, as those of costs"
+    )
+    costs: dict[Name, CostFeature] = Field(
+        default_factory=dict,
+        max_length=MAX_COSTS,
+        description="cost features of your own by name: expressions, or kinds",
     )
     layers: dict[Name, tuple[tuple[float, ...], ...]] = Field(
         default_factory=dict, max_length=MAX_COSTS, description="numbers of the map's cells, row by row, for costs"
@@ -114,6 +125,8 @@ class PatrolSettings(Settings):
     def _nobody_knows_the_obstacles(self) -> "PatrolSettings":
         if self.truth == "unknown" and "#" in self.map:
             raise ValueError("truth unknown: expected a map without '#'; leave truth out where obstacles are known")
+        if self.truth == "unknown" and self.true_cost is not None:
+            raise ValueError("truth unknown: expected no true_cost; leave truth out where it is known")
         return self
 
     @model_validator(mode="after")
@@ -125,11 +138,17 @@ class PatrolSettings(Settings):
             if [len(row) for row in layer] != shape:
                 raise ValueError(f"layers.{name}: expected {len(shape)} rows of {shape[0]} numbers, as the map has")
         names = quantity_names(self.n_experts, self.layers)
-        for name, text in self.costs.items():
-            if unknown := Expression(text).names - names:
-                raise ValueError(f"costs.{name}: {sorted(unknown)} is none of {sorted(names)}")
-        named_features(self.grid, self.costs, self.layers)
+        for name, cost in self._every_cost.items():
+            if isinstance(cost, str) and (unknown := Expression(cost).names - names):
+                raise ValueError(f"{name}: {sorted(unknown)} is none of {sorted(names)}")
+        named_features(self.grid, self._every_cost, self.layers)
         return self
+
+    @property
+    def _every_cost(self) -> dict[str, Any]:
+        """By the place where they stand."""
+        costs = {f"costs.{name}": cost for name, cost in self.costs.items()}
+        return costs if self.true_cost is None else {**costs, "true_cost": self.true_cost}
 
     def _check_size(self) -> None:
         grid = self.grid

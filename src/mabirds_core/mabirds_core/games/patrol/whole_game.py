@@ -4,8 +4,9 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import Any
 
-from mabirds_core.arrays import Array
+from mabirds_core.arrays import Array, Vector
 from mabirds_core.games.interface import Trajectories
+from mabirds_core.games.patrol.cost_shapes import cost_measures
 from mabirds_core.games.patrol.game import PatrolGame
 from mabirds_core.games.patrol.held_out import HeldOutPatrols
 from mabirds_core.games.patrol.recorded import fit_places
@@ -35,6 +36,10 @@ class WholePatrolGame(PatrolGame):
     def held_out_judge(self) -> HeldOutPatrols:
         """Who compares policies with patrols that nobody learned from."""
         return HeldOutPatrols(self)
+
+    def measures(self, omega: Vector, demonstrations: Trajectories) -> Mapping[str, Mapping[str, float]]:  # noqa: ARG002
+        """What a network has learned experts to cost each other."""
+        return cost_measures(self, omega)
 
     def figure(self, learned: Mapping[str, Learned], threshold: float, seed: int) -> Any:  # noqa: ARG002
         """A map of each expert for each name: visits, and what counts as forbidden."""

@@ -22,6 +22,7 @@ import numpy as np
 
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Array, Mask, Vector, weighted_counts
+from mabirds_core.costs.models import costs_of
 from mabirds_core.games.factored import FactoredGame, FactoredReward
 from mabirds_core.games.interface import ShownFeatures, TabularGame
 from mabirds_core.games.tabular.decidable import touch_chance
@@ -93,13 +94,13 @@ def constraint_confidences(
     Vector
         Shape (K,): in [0, 1], or USED.
     """
-    learned = _learned(game, reward, parameters)
+    learned, omega = _learned(game, reward, parameters), costs_of(game).by_feature(parameters.omega)
     weights = reward.weights(parameters.theta) if hasattr(reward, "weights") else np.zeros(0)
     chances = (known or KnownChances()).of([*learned.numbers, *parameters, weights])
     confidences = np.full(len(shown.used), USED)
     for feature in map(int, np.flatnonzero(~shown.used)):
         if feature not in chances:
-            chances[feature] = _touch_chance(game, learned, weights, parameters.omega, feature)
+            chances[feature] = _touch_chance(game, learned, weights, omega, feature)
         confidences[feature] = 1 - (1 - chances[feature]) ** shown.demonstrations
     return confidences
 
@@ -162,10 +163,11 @@ class _Learned(Protocol):
 
 def _learned(game: NeutralGame, reward: TabularRewardModel, parameters: Parameters) -> _Learned:
     """By expert, where the game and the rewards allow that."""
-    factored = factored_reward(reward, game.cost_features, *parameters)
+    costs = costs_of(game)
+    factored = factored_reward(reward, costs, *parameters)
     if factored is not None and game.transitions.deterministic:
         return _LearnedByExpert(cast("FactoredGame", game), factored)
-    return _LearnedTable(game, reward.table(parameters.theta) + game.cost_features.table(parameters.omega))
+    return _LearnedTable(game, reward.table(parameters.theta) + costs.table(parameters.omega))
 
 
 @dataclass(frozen=True)

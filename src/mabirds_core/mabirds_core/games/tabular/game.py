@@ -11,6 +11,7 @@ import numpy as np
 
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Vector
+from mabirds_core.costs.models import costs_of
 from mabirds_core.games.interface import TabularGame, Trajectories, Transitions
 from mabirds_core.games.tabular.constraint_test import NeutralGame
 from mabirds_core.games.tabular.experts import KINDS, TabularExperts
@@ -68,7 +69,7 @@ class EnumerableGame:
 
     def evaluation_planner(self: TabularGame, planner: Any, reward: TabularRewardModel) -> SoftBellmanPlanner:  # noqa: ARG002
         """The exact one, whichever learned."""
-        return SoftBellmanPlanner(self, reward, self.cost_features)
+        return SoftBellmanPlanner(self, reward, costs_of(self))
 
     def judging_planners(self, planner: Any, reward: Any) -> Mapping[str, Any]:  # noqa: ARG002
         """No others: the evaluation planner is exact."""

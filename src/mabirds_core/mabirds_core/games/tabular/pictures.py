@@ -9,6 +9,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
+from mabirds_core.costs.models import costs_of
 from mabirds_core.games.interface import TabularGame
 from mabirds_core.games.truth import known_constraints
 from mabirds_core.games.whole_game import Learned
@@ -39,7 +40,8 @@ def costs_figure(game: TabularGame, learned: Mapping[str, Learned], threshold: f
     shown = min(MAX_SHOWN, len(names))
     size = (4.5 * len(learned), 0.25 * shown + 1.2)
     figure, axes = plt.subplots(1, len(learned), figsize=size, squeeze=False, layout="constrained")
-    for axis, (name, (_, omega, _)) in zip(axes[0], learned.items(), strict=True):
+    for axis, (name, of_one) in zip(axes[0], learned.items(), strict=True):
+        omega = costs_of(game).by_feature(of_one.omega)
         dearest = np.argsort(omega)[:shown][::-1]
         axis.barh(names[dearest], -omega[dearest], color=np.where(truth[dearest], "tab:red", "tab:blue"))
         axis.axvline(threshold, color="0.1", linestyle="--", linewidth=0.9)

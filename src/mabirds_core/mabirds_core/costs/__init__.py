@@ -1,0 +1,1 @@
+"""Cost models: how omega becomes what a policy pays."""
