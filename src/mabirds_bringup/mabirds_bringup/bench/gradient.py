@@ -51,8 +51,8 @@ def gradient_norm(
     rng, starts = np.random.default_rng(experiment.seed), shown.states[:, 0]
 
     def counts(visitation: Visitation) -> Vector:
-        rewards = estimator.reward.gradient(parameters.theta, visitation)
-        return np.concatenate([rewards, estimator.game.cost_features.total(visitation)])
+        rewards, costs = estimator.reward.gradient(parameters.theta, visitation), estimator.costs
+        return np.concatenate([rewards, costs.gradient_of_total(parameters.omega, costs.total(visitation))])
 
     expected = counts(replace(expectation, count=ROLLOUTS)(policy, rng, starts))
     return float(np.linalg.norm(expected - counts(discounted_visitation(shown, estimator.game.discount))))

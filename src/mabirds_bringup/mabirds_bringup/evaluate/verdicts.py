@@ -8,7 +8,6 @@ from mabirds_core.experiment.assembly import reward_of
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.games.whole_game import Game
 
-
 ROLLOUTS = 2000
 """Of those who judge by rollouts: a rate of .97 is then known to .004."""
 

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from mabirds_core.arithmetic import powers
-from mabirds_core.arrays import Array, Vector
+from mabirds_core.arrays import Array, Mask, Vector
 from mabirds_core.games.drones.features import DroneRewardFeatures
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.interface import Visitation
@@ -34,7 +34,11 @@ class ArrivingDroneReward:
     """
 
     game: DroneGame
-    counts = False
+
+    @cached_property
+    def counts(self) -> Mask:
+        """Lateness is: of no flight is it less than 0. Shape (size,)."""
+        return np.arange(self.size) >= len(self.features.names)
 
     @property
     def features(self) -> DroneRewardFeatures:
