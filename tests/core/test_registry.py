@@ -182,6 +182,12 @@ def test_without_a_name_the_default_kind_is_meant(monkeypatch: pytest.MonkeyPatc
         adapter.validate_python({"kind": "loud"})
 
 
+def test_a_group_without_kinds_says_what_to_do() -> None:
+    """As after an update of the sources alone, whose new entry points no installation has told of."""
+    with pytest.raises(ExperimentError, match="no cost features are installed; install mabirds_core again"):
+        union("mabirds.cost_features")
+
+
 OTHERS = "mabirds.cost_features"
 """Ours are expressions; kinds are brought by other packages."""
 
