@@ -172,7 +172,23 @@ REMEDY = "; install the package that brings it (`mabirds kinds` lists what there
 
 
 def union(group: str) -> Any:
-    """The type of a setting that may be of any kind of a group: a tagged union of their models."""
+    """The type of a setting that may be of any kind of a group.
+
+    Parameters
+    ----------
+    group : str
+        One of GROUPS.
+
+    Returns
+    -------
+    Any
+        A tagged union of their models.
+
+    Raises
+    ------
+    ExperimentError
+        None is installed.
+    """
     members = {name: kind.settings for name, kind in kinds(group).items()}
     distinct = list(dict.fromkeys(members.values()))
     if not distinct:
