@@ -15,7 +15,18 @@ from mabirds_core.consensus.schedule_settings import AlternatingSchedule
 from mabirds_core.consensus.strict import StrictMixer, StrictMixing
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.file import Experiment
-from mabirds_core.registry import GROUPS, Kind, build, installed_points, kind_of, kinds, offers, require, union
+from mabirds_core.registry import (
+    GROUPS,
+    Kind,
+    build,
+    installed_points,
+    kind_of,
+    kinds,
+    offers,
+    require,
+    text_or_union,
+    union,
+)
 from mabirds_core.settings import Settings
 
 PLANNERS = "mabirds.planners"
@@ -180,6 +191,17 @@ def test_without_a_name_the_default_kind_is_meant(monkeypatch: pytest.MonkeyPatc
         assert adapter.validate_python(settings) is settings
     with pytest.raises(ValidationError, match="does not match any of the expected tags"):
         adapter.validate_python({"kind": "loud"})
+
+
+def test_a_group_without_kinds_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As after an update of the sources alone, whose new entry points no installation has told of."""
+    monkeypatch.setattr(registry, "kinds", lambda group: {})
+    with pytest.raises(ExperimentError, match="no costs are installed; install mabirds_core again"):
+        union("mabirds.costs")
+    adapter = TypeAdapter(text_or_union("mabirds.cost_features"))
+    assert adapter.validate_python("distance") == "distance"
+    with pytest.raises(ValidationError, match="'in_sight' is none of the cost features .*install the package"):
+        adapter.validate_python({"kind": "in_sight"})
 
 
 OTHERS = "mabirds.cost_features"

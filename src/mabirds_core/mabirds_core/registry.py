@@ -172,9 +172,27 @@ REMEDY = "; install the package that brings it (`mabirds kinds` lists what there
 
 
 def union(group: str) -> Any:
-    """The type of a setting that may be of any kind of a group: a tagged union of their models."""
+    """The type of a setting that may be of any kind of a group.
+
+    Parameters
+    ----------
+    group : str
+        One of GROUPS.
+
+    Returns
+    -------
+    Any
+        A tagged union of their models.
+
+    Raises
+    ------
+    ExperimentError
+        None is installed.
+    """
     members = {name: kind.settings for name, kind in kinds(group).items()}
     distinct = list(dict.fromkeys(members.values()))
+    if not distinct:
+        raise ExperimentError(f"no {GROUPS[group]} are installed; install mabirds_core again, which brings some")
     if len(distinct) == 1:  # pydantic tells several apart, and no single one
         return distinct[0]
     default = next((name for name, kind in kinds(group).items() if kind.default), None)
