@@ -45,11 +45,12 @@ def test_it_is_that_of_rollouts_less_demonstrations_of_all(
         shown = {f"learner_{k + 1}": [stream] for k, stream in enumerate(streams)}
         return gradient_norm(experiment, NAME, Parameters(theta, omega), policy, shown)
 
-    flown = drone_rollouts(
-        game, policy, 200, np.random.default_rng(experiment.seed), np.concatenate([own.states, others.states])[:, 0]
-    )
+    planner: Any = build_learner(experiment, NAME).estimator.planner
+    rng, starts = np.random.default_rng(experiment.seed), np.concatenate([own.states, others.states])[:, 0]
+    expected = [mean(drone_rollouts(game, plan, 200, rng, starts)) for plan in planner.every_plan(theta, omega)]
+    assert len(expected) == planner.rotations
     demonstrated = (mean(own) + mean(others)) / 2
-    assert norm(own, others) == pytest.approx(np.linalg.norm(mean(flown) - demonstrated), rel=1e-9)
+    assert norm(own, others) == pytest.approx(np.linalg.norm(np.mean(expected, axis=0) - demonstrated), rel=1e-9)
     few, many = norm(own), norm(others)
     assert few is not None
     assert many is not None

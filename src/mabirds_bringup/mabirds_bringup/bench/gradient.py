@@ -11,17 +11,20 @@ from mabirds_core.arrays import Vector
 from mabirds_core.experiment.assembly import build_learner
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import Streams
+from mabirds_core.games.drones.lattice import LatticePlanner
 from mabirds_core.games.interface import Visitation, discounted_visitation
 from mabirds_core.planners.interface import Policy
 
-ROLLOUTS = 4000
-"""With 64, as learners take, chance alone would be half of what is left."""
+ROLLOUTS = 1000
+"""Of each plan. With as many as learners take, chance alone would be half of what is left."""
 
 
 def gradient_norm(
     experiment: Experiment, name: str, parameters: Parameters, policy: Policy, streams: Streams
 ) -> float | None:
     """Norm of the gradient of the loss on the demonstrations of all, E_pi less their mean, in discounted visits.
+
+    Where a planner draws a lattice for every plan, the loss is the mean over the lattices, and so is its gradient.
 
     Parameters
     ----------
@@ -32,7 +35,7 @@ def gradient_norm(
     parameters : Parameters
         theta and omega that it ended with.
     policy : Policy
-        Which they mean.
+        Which they mean, where the planner draws none.
     streams : Streams
         The demonstrations of each learner.
 
@@ -54,5 +57,7 @@ def gradient_norm(
         rewards, costs = estimator.reward.gradient(parameters.theta, visitation), estimator.costs
         return np.concatenate([rewards, costs.gradient_of_total(parameters.omega, costs.total(visitation))])
 
-    expected = counts(replace(expectation, count=ROLLOUTS)(policy, rng, starts))
+    followed, planner = replace(expectation, count=ROLLOUTS), estimator.planner
+    plans = planner.every_plan(*parameters) if isinstance(planner, LatticePlanner) else [policy]
+    expected = np.mean([counts(followed(plan, rng, starts)) for plan in plans], axis=0)
     return float(np.linalg.norm(expected - counts(discounted_visitation(shown, estimator.game.discount))))

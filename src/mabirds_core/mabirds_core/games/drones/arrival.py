@@ -7,8 +7,8 @@ As of patrollers (``games.patrol.arrival``), with s' where action a leads:
 of which the discounted sum over a flight that begins under way is gamma^{T+1} LATE_SCALE where drone i does not arrive,
 and 0 where it does. RBFs of places cannot say at what time a drone is where it is.
 
-Lateness is a count, of which no demonstration has any, and is learned by ratios. AdaGrad's steps would remember how late
-everybody was in the beginning, and not reach the last percent: drones that hover instead of arriving, which finer
+Lateness is a count, of which no demonstration has any, and is learned by ratios. AdaGrad's steps would remember how
+late everybody was in the beginning, and not reach the last percent: drones that hover instead of arriving, which finer
 planners, having more ways to hover, do ten times as often.
 """
 

@@ -17,7 +17,7 @@ A lattice has corners that no other has, and what is learned on one grid alone b
 several lattices, which are rotated and shifted against each other.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -277,8 +277,18 @@ class LatticePlanner:
 
         A ``previous`` policy is used up: its memory is taken over.
         """
-        rewards = ((self.reward_model, theta), (self.game.cost_features, omega))
         number = 1 + int(rng.integers(self.rotations)) if self.draws and rng is not None else 0
+        return self._plan_on(number, theta, omega, previous)
+
+    def every_plan(self, theta: Vector, omega: Vector) -> Iterator[LatticePolicy]:
+        """pi(omega, theta) on each of the lattices that may be drawn, one at a time."""
+        policy = None
+        for number in range(1, self.rotations + 1):
+            policy = self._plan_on(number, theta, omega, policy)
+            yield policy
+
+    def _plan_on(self, number: int, theta: Vector, omega: Vector, previous: Policy | None) -> LatticePolicy:
+        rewards = ((self.reward_model, theta), (self.game.cost_features, omega))
         drones = [LoneDrone.of(drone, rewards, self.temperature) for drone in self.lattices[number]]
         memory = previous.release() if isinstance(previous, LatticePolicy) else np.empty(0, np.uint16)
         if len(drones) == 1:
