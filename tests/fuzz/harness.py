@@ -6,6 +6,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 from mabirds_msgs.msg import Demonstration
 from rclpy.node import Node
+from rclpy.serialization import serialize_message
 
 NODES = pytest.mark.parametrize("count", [8, pytest.param(150, marks=pytest.mark.slow)])
 
@@ -16,8 +17,8 @@ def few(count: int) -> settings:
 
 def sent_to(node: Node, topic: str, message: Any) -> None:
     """What the middleware does when a message arrives."""
-    (callback,) = [one.callback for one in node.subscriptions if one.topic_name == topic]
-    callback(message)
+    (subscription,) = [one for one in node.subscriptions if one.topic_name == topic]
+    subscription.callback(serialize_message(message) if subscription.raw else message)
 
 
 def topic_of(sender: str, message: Any) -> str:

@@ -95,7 +95,7 @@ class BagWriter:
             self._stream.close()
             shutil.rmtree(self._directory)
 
-    def write(self, topic: str, message: Any, time: int) -> None:
+    def write(self, topic: str, message: Any, time: int, data: bytes | None = None) -> None:
         """Append a message.
 
         Parameters
@@ -106,10 +106,12 @@ class BagWriter:
             Of any ROS type.
         time : int
             Nanoseconds since the epoch.
+        data : bytes, optional
+            The message as CDR, where it is at hand.
         """
         if topic not in self._channels:
             self._register(topic, _topic_type(type(message)))
-        self._append(topic, serialize_message(message), time)
+        self._append(topic, serialize_message(message) if data is None else data, time)
 
     def write_serialized(self, topic: str, kind: TopicType, data: bytes, time: int) -> None:
         """Append a message that is serialised already.

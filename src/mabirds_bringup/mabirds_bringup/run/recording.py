@@ -60,20 +60,20 @@ class Recording:
         """Finish the bag, whatever happened."""
         self._write_or_fail(self._close)
 
-    def write(self, topic: str, message: Any, stamp: int) -> None:
-        """Append a message, if that is possible just now."""
+    def write(self, topic: str, message: Any, stamp: int, data: bytes | None = None) -> None:
+        """Append a message, if that is possible just now; ``data``: as of ``BagWriter.write``."""
         if self._bag is None and time.monotonic() - self._failed_at < AGAIN:
             return
-        self._write_or_fail(lambda: self._append(topic, message, stamp))
+        self._write_or_fail(lambda: self._append(topic, message, stamp, data))
 
-    def _append(self, topic: str, message: Any, stamp: int) -> None:
+    def _append(self, topic: str, message: Any, stamp: int, data: bytes | None) -> None:
         if self._written >= MESSAGES:
             self._close()
         bag = self._open()
         if time.monotonic() - self._looked_at > AGAIN:
             self._looked_at = time.monotonic()
             self._require_file()
-        bag.write(topic, message, stamp)
+        bag.write(topic, message, stamp, data)
         self._written += 1
 
     def _open(self) -> BagWriter:

@@ -1,7 +1,7 @@
 """A node that watches learners: their statuses and parameters, never their demonstrations."""
 
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
@@ -10,6 +10,7 @@ from mabirds_msgs.msg import Constraints, EdgeSchedule, FeatureNames, LearnerSta
 from mabirds_msgs.msg import Parameters as ParametersMessage
 from mabirds_msgs.srv import FetchParameters
 from rclpy.client import Client
+from rclpy.serialization import deserialize_message
 
 from mabirds_bringup.watch.admission import EXPECTED, MessageValidator
 from mabirds_bringup.watch.watched_history import WatchedHistory
@@ -46,8 +47,8 @@ GAP_PERIOD, GAPS_AT_ONCE = 0.5, 32
 class Recorder(Protocol):
     """What messages are recorded to."""
 
-    def write(self, topic: str, message: Any, time: int, /) -> None:
-        """Append a message of ``topic``; ``time`` in nanoseconds."""
+    def write(self, topic: str, message: Any, time: int, data: bytes | None = None, /) -> None:
+        """Append a message of ``topic``; ``time`` in nanoseconds, ``data``: its bytes, where they are at hand."""
         ...
 
 
@@ -113,10 +114,15 @@ class MonitorNode(NetworkNode):
             (EdgeSchedule, topics.EDGE_SCHEDULE, STATUS_QOS, self._on_schedule, None),
             (FeatureNames, topics.FEATURE_NAMES, STATUS_QOS, self._on_feature_names, None),
         ):
+            receive_bytes = partial(self._read, message_type, partial(receive, name))
             self.create_subscription(
-                message_type, f"{name}/{topic}", partial(receive, name), qos, event_callbacks=events
+                message_type, f"{name}/{topic}", receive_bytes, qos, event_callbacks=events, raw=True
             )
         self._fetch[name] = self.create_client(FetchParameters, f"{name}/{self._service}")
+
+    def _read(self, message_type: type, receive: Callable[..., None], data: bytes) -> None:
+        """Bytes are recorded as they came: writing messages anew would take as long as reading them."""
+        receive(deserialize_message(data, message_type), data)
 
     def declare_without(self, departed: Collection[str]) -> None:
         """Declare, once, that the network goes on without those."""
@@ -176,7 +182,7 @@ class MonitorNode(NetworkNode):
         else:
             self.lost[name].add(iteration)
 
-    def _on_parameters(self, name: str, message: ParametersMessage) -> None:
+    def _on_parameters(self, name: str, message: ParametersMessage, data: bytes | None = None) -> None:
         try:
             parameters = self._admission.parameters(name, message, self.parameters[name])
         except RefusedMessageError as error:
@@ -187,9 +193,9 @@ class MonitorNode(NetworkNode):
         except CheckpointError as error:  # asked for again, and there may be room by then
             self._drop(f"{topics.PARAMETERS} of {name}", RefusedMessageError("unsaved", str(error)))
             return
-        self._record(name, topics.PARAMETERS, message, nanoseconds(message.stamp))
+        self._record(name, topics.PARAMETERS, message, nanoseconds(message.stamp), data)
 
-    def _on_status(self, name: str, message: LearnerStatus) -> None:
+    def _on_status(self, name: str, message: LearnerStatus, data: bytes | None = None) -> None:
         try:
             self._admission.status(name, message)
         except RefusedMessageError as error:
@@ -201,7 +207,7 @@ class MonitorNode(NetworkNode):
         self.statuses[name] = message
         if message.iteration > 1:
             self.kept.note_mixed(name, message.iteration - 1, message.mixed_from)
-        self._record(name, topics.STATUS, message, nanoseconds(message.stamp))
+        self._record(name, topics.STATUS, message, nanoseconds(message.stamp), data)
 
     def differences(self) -> str:
         """In words, which settings learners of other experiments have otherwise, as far as they have told."""
@@ -217,33 +223,33 @@ class MonitorNode(NetworkNode):
             return
         self._members[message.epoch] = [name for name in self.names if name in members]
 
-    def _on_constraints(self, name: str, message: Constraints) -> None:
+    def _on_constraints(self, name: str, message: Constraints, data: bytes | None = None) -> None:
         try:
             self._admission.constraints(name, message)
         except RefusedMessageError as error:
             self._drop(f"{topics.CONSTRAINTS} of {name}", error)
             return
-        self._record(name, topics.CONSTRAINTS, message, nanoseconds(message.stamp))
+        self._record(name, topics.CONSTRAINTS, message, nanoseconds(message.stamp), data)
 
     def _on_player(self, message: PlayerStatus) -> None:
         if message.experiment_digest == self.digest:
             self.player = message
 
-    def _on_feature_names(self, name: str, message: FeatureNames) -> None:
+    def _on_feature_names(self, name: str, message: FeatureNames, data: bytes | None = None) -> None:
         try:
             self._admission.feature_names(name, message)
         except RefusedMessageError as error:
             self._drop(f"{topics.FEATURE_NAMES} of {name}", error)
             return
-        self._record(name, topics.FEATURE_NAMES, message, nanoseconds(message.stamp))
+        self._record(name, topics.FEATURE_NAMES, message, nanoseconds(message.stamp), data)
 
-    def _on_schedule(self, name: str, message: EdgeSchedule) -> None:
+    def _on_schedule(self, name: str, message: EdgeSchedule, data: bytes | None = None) -> None:
         try:
             self._admission.schedule(message)
         except RefusedMessageError as error:
             self._drop(f"{topics.EDGE_SCHEDULE} of {name}", error)
             return
-        self._record(name, topics.EDGE_SCHEDULE, message, self.get_clock().now().nanoseconds)
+        self._record(name, topics.EDGE_SCHEDULE, message, self.get_clock().now().nanoseconds, data)
 
     def _drop(self, what: str, error: RefusedMessageError) -> None:
         self.drops[error.reason] += 1
@@ -251,8 +257,8 @@ class MonitorNode(NetworkNode):
         if self.drops[error.reason] == 1 and error.reason not in EXPECTED:
             self.get_logger().warning(f"dropped {what}: {error}")
 
-    def _record(self, name: str, topic: str, message: Any, time: int) -> None:
-        self._recording.write(f"/{name}/{topic}", message, max(0, time))  # the time may be the sender's: anything
+    def _record(self, name: str, topic: str, message: Any, time: int, data: bytes | None) -> None:
+        self._recording.write(f"/{name}/{topic}", message, max(0, time), data)  # the time may be the sender's: anything
 
     @property
     def all_learned(self) -> bool:
