@@ -85,8 +85,8 @@ def differences(observer: Node, processes: Sequence[Access]) -> list[str]:
 
 
 def settled_differences(nodes: Any, processes: Sequence[Access]) -> list[str]:
-    """The differences once discovery has come to rest, at most after ten seconds."""
-    observer, deadline = nodes.plain("observer"), time.monotonic() + 10
+    """The differences once discovery has come to rest, at most after thirty seconds."""
+    observer, deadline = nodes.plain("observer"), time.monotonic() + 30
     while (found := differences(observer, processes)) and time.monotonic() < deadline:
         nodes.spin_for(0.2)
     return found

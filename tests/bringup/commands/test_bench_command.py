@@ -126,7 +126,7 @@ def test_a_study_of_ones_own_is_run_group_by_group(study: Path, tmp_path: Path) 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("discreet",), "give a study's file, or one of continuous, discrete"),
+        (("discreet",), "give a study's file, or one of continuous, costs, discrete"),
         (("discrete", "--experiment", "main=nowhere.yaml"), "nowhere.yaml"),
         (("discrete", "--experiment", "nowhere.yaml"), "expected NAME=FILE"),
         (("discrete", "--only", "hard"), "the study has the groups"),

@@ -10,7 +10,7 @@ from mabirds_bringup.commands.demonstrations import demonstrations_of
 from mabirds_bringup.commands.simulate import simulate_from_bag
 from mabirds_bringup.evaluate.evaluation import Evaluation, distance_to_experts, evaluate
 from mabirds_bringup.evaluate.held_out import HeldOut
-from mabirds_bringup.evaluate.verdicts import verdicts
+from mabirds_bringup.evaluate.verdicts import ROLLOUTS, verdicts
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.experiment.assembly import build_game, build_reward, evaluation_policy
 from mabirds_core.experiment.file import Experiment, load_experiment
@@ -40,7 +40,7 @@ def test_a_verdict_is_that_of_a_plan_made_by_hand(learned: Learned) -> None:
     temperature = experiment.algorithm.policy.temperature
     planner = LatticePlanner(game, build_reward(experiment, game), 0.25 / 5**0.5, temperature, "square", 1, draws=False)
     policy = planner.plan(*history[name][-1])
-    verdict, (violation, success) = found["square 0.112 m"], game.judge.imitation(policy, experiment.seed)
+    verdict, (violation, success) = found["square 0.112 m"], game.judge.imitation(policy, experiment.seed, ROLLOUTS)
     assert (verdict.violation_rate, verdict.success_rate) == (violation, success)
     starts = game.starts(500, np.random.default_rng(experiment.seed))
     assert verdict.value == pytest.approx(policy.values(0, starts).mean())

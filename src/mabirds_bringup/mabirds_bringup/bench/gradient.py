@@ -11,7 +11,6 @@ from mabirds_core.arrays import Vector
 from mabirds_core.experiment.assembly import build_learner
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import Streams
-from mabirds_core.games.drones.lattice import LatticePlanner
 from mabirds_core.games.interface import Visitation, discounted_visitation
 from mabirds_core.planners.interface import Policy
 
@@ -57,7 +56,7 @@ def gradient_norm(
         rewards, costs = estimator.reward.gradient(parameters.theta, visitation), estimator.costs
         return np.concatenate([rewards, costs.gradient_of_total(parameters.omega, costs.total(visitation))])
 
-    followed, planner = replace(expectation, count=ROLLOUTS), estimator.planner
-    plans = planner.every_plan(*parameters) if isinstance(planner, LatticePlanner) else [policy]
+    followed, every_plan = replace(expectation, count=ROLLOUTS), getattr(estimator.planner, "every_plan", None)
+    plans = every_plan(*parameters) if every_plan else [policy]
     expected = np.mean([counts(followed(plan, rng, starts)) for plan in plans], axis=0)
     return float(np.linalg.norm(expected - counts(discounted_visitation(shown, estimator.game.discount))))

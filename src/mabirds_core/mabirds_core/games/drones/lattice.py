@@ -281,7 +281,20 @@ class LatticePlanner:
         return self._plan_on(number, theta, omega, previous)
 
     def every_plan(self, theta: Vector, omega: Vector) -> Iterator[LatticePolicy]:
-        """pi(omega, theta) on each of the lattices that may be drawn, one at a time."""
+        """pi(omega, theta) on each of the lattices that may be drawn.
+
+        Parameters
+        ----------
+        theta : Vector
+            Reward parameters.
+        omega : Vector
+            Cost weights.
+
+        Yields
+        ------
+        LatticePolicy
+            One at a time: the next one takes over the memory of the one before.
+        """
         policy = None
         for number in range(1, self.rotations + 1):
             policy = self._plan_on(number, theta, omega, policy)
