@@ -1,6 +1,6 @@
 """How fast learners learn alone, and with a recorder, a live page, an inspector and drawings attached, in turn.
 
-    python benches/attached.py [--iterations 400] [--rounds 3] [--json]
+    python benches/attached.py [--iterations 800] [--rounds 6] [--who recorder page inspect] [--json]
 
 The same network of the shipped patrol learns with and without them, in turn, so that both meet the same machine. The
 rate is that of learner_1 from its iteration 50 on. Target: with all of them it is at least .8 of that without, in the
@@ -19,6 +19,7 @@ import statistics
 import sys
 import tempfile
 import time
+from collections.abc import Collection
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -37,6 +38,7 @@ from mabirds_msgs_py.qos import STATUS_QOS
 
 PATROL = Path(__file__).resolve().parents[1] / "ros_ws" / "config" / "patrol.yaml"
 FIRST, PATIENCE, TARGET = 50, 300.0, 0.8
+WHO = ("recorder", "page", "inspect", "draw")
 QUIET = 0.5  # load beforehand, below which no other work counts
 RECORDER = """
 import sys, rclpy
@@ -95,13 +97,15 @@ class Measured(NamedTuple):
     load: float
 
 
-def measure(file: Path, *, attached: bool) -> Measured:
-    """Let the network learn once."""
+def measure(file: Path, attached: Collection[str] = ()) -> Measured:
+    """Let the network learn once; ``attached``: who looks."""
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         processes = []
         stack.callback(lambda: stop(processes))
-        for name, command in attachments(file, folder).items() if attached else ():
+        for name, command in attachments(file, folder).items():
+            if name not in attached:
+                continue
             processes.append(start(name, command, folder))
         processes += [start(name, learner_command(name, file), folder) for name in ("learner_2", "learner_1")]
         pid = processes[-1].popen.pid
@@ -142,8 +146,9 @@ def measured(pid: int, iterations: int) -> Measured:
 def main() -> int:
     """Measure in turn, and compare medians."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--iterations", type=int, default=400)
-    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--iterations", type=int, default=800)
+    parser.add_argument("--rounds", type=int, default=6)
+    parser.add_argument("--who", nargs="+", choices=WHO, default=WHO, help="who is attached; default: all")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
     os.environ.setdefault("ROS_DOMAIN_ID", str(random.randrange(60, 100)))  # noqa: S311 - any free one
@@ -155,7 +160,7 @@ def main() -> int:
         file = longer_patrol(Path(folder), options.iterations)
         for number in range(options.rounds):
             for attached in (False, True) if number % 2 == 0 else (True, False):
-                found = measure(file, attached=attached)
+                found = measure(file, options.who if attached else ())
                 results[attached].append(found)
                 tell(f"round {number + 1}, {'attached' if attached else 'alone   '}", found)
     content = summary(results, load_before)

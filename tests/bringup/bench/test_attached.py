@@ -37,6 +37,11 @@ def test_ratios_are_of_rounds_and_a_busy_machine_is_told(
     assert ("other work runs here" in capsys.readouterr().err) is busy
 
 
+def test_everybody_who_may_be_attached_has_a_command(attached: ModuleType, tmp_path: Path) -> None:
+    commands = attached.attachments(tmp_path / "experiment.yaml", tmp_path)
+    assert tuple(commands) == attached.WHO
+
+
 def test_processor_time_is_that_of_a_process(attached: ModuleType) -> None:
     before = attached.processor_seconds(os.getpid())
     deadline = time.process_time() + 0.2
