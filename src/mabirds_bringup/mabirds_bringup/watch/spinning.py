@@ -1,6 +1,7 @@
 """A node of ours for as long as a command looks at a network."""
 
 import os
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -37,7 +38,9 @@ class Glances:
 
     def glance(self) -> None:
         """Wait PAUSE seconds, then take what is there."""
-        self._loop.glance(PAUSE, MOST)
+        time.sleep(PAUSE)
+        for _ in range(MOST):
+            self._loop.spin_once(0.0)
 
     def close(self) -> None:
         """Let go of the node."""
