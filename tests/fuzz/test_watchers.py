@@ -16,6 +16,7 @@ from mabirds_msgs.msg import Parameters as ParametersMessage
 from truth import Truth, bits
 
 from mabirds_bringup.commands.inspect import _status_line
+from mabirds_bringup.draw.node import DrawingNode
 from mabirds_bringup.evaluate.results import audit
 from mabirds_bringup.watch.described import describe
 from mabirds_bringup.watch.edges import edge_states
@@ -264,3 +265,18 @@ def test_what_differs_in_another_experiment_is_named(
         setattr(status, name, value)
     monitor._on_status("learner_1", status)
     assert words in monitor.refusals["wrong_experiment"]
+
+
+@pytest.mark.parametrize("order", [("parameters", "status"), ("status", "parameters")])
+def test_the_consensus_is_drawn_whatever_comes_first(truth: Truth, nodes: Any, order: tuple[str, str]) -> None:
+    """Who joins late hears the newest of each, in any order, and nothing after it."""
+    drawing = nodes.add(DrawingNode(truth.experiment, rate=20.0, context=nodes.context))
+    for name in truth.experiment.learners:
+        drawing.watch(f"/{name}")
+    say = {"status": lambda name: truth.status(name, iteration=2), "parameters": lambda name: truth.parameters(name, 2)}
+    for what in order:
+        for name in truth.experiment.learners:
+            sent_to(drawing, f"/{name}/{what}", say[what](name))
+        nodes.spin_for(0.2)
+    published = dict(drawing.get_publisher_names_and_types_by_node("drawing", "/"))
+    assert {f"/drawn/consensus/{part}" for part in ("iteration", "theta", "omega")} <= published.keys()

@@ -47,7 +47,7 @@ class DrawingNode(InspectorNode):
         super().__init__(self._on_message, name="drawing", **node_options)
         self._scene, self._frame, self._demonstrations = scene, frame, demonstrations
         self.artists: dict[str, LearnerArtist] = {}
-        self._recent, self._graph_changed = RecentParameters(), False
+        self._recent, self._network_changed = RecentParameters(), False
         self._scene_publisher = self.create_publisher(MarkerArray, f"{names.DRAWN}/{names.SCENE}", STATUS_QOS)
         self._network_publisher = self.create_publisher(MarkerArray, f"{names.DRAWN}/{names.NETWORK}", STATUS_QOS)
         self._consensus = ScalarTopics(self, f"{names.DRAWN}/{names.CONSENSUS}")
@@ -73,16 +73,16 @@ class DrawingNode(InspectorNode):
         artist.changed.add(what)
         if what == "status":
             artist.show_scalars()
-            self._graph_changed = True
-        elif what == "parameters" and artist.fits():
+        if what in {"status", "parameters"} and artist.fits():  # whichever comes later, to who joins late
             self._recent.note(learner.namespace, learner.parameters)
+        self._network_changed = True
 
     def _draw(self) -> None:
         header = self._header()
         for artist in self.artists.values():
             artist.draw(header)
-        if self._graph_changed:
-            self._graph_changed = False
+        if self._network_changed:
+            self._network_changed = False
             self._draw_network(header)
 
     def _draw_network(self, header: Header) -> None:

@@ -37,8 +37,10 @@ class RecentParameters:
         self._kept: defaultdict[str, deque[Parameters]] = defaultdict(lambda: deque(maxlen=KEPT))
 
     def note(self, name: str, message: Parameters) -> None:
-        """Remember what a learner says."""
-        self._kept[name].append(message)
+        """Remember what a learner says; the same again is nothing new."""
+        kept = self._kept[name]
+        if not kept or kept[-1] is not message:
+            kept.append(message)
 
     def consensus(self) -> Consensus | None:
         """At the newest iteration that is known of all, of which there are two or more; None where there is none."""
