@@ -1,7 +1,6 @@
 """A node of ours for as long as a command looks at a network."""
 
 import os
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -38,9 +37,7 @@ class Glances:
 
     def glance(self) -> None:
         """Wait PAUSE seconds, then take what is there."""
-        time.sleep(PAUSE)
-        for _ in range(MOST):
-            self._loop.spin_once(0.0)
+        self._loop.glance(PAUSE, MOST)
 
     def close(self) -> None:
         """Let go of the node."""
