@@ -19,6 +19,8 @@ RULE, MASS = AdaptiveSteps(), 16.0
 COUNTS = Counts(theta=True, omega=True)
 SIGNED = Counts(theta=False, omega=False)
 MIXED = Counts(theta=False, omega=True)
+OF_SOME = Counts(theta=np.arange(7) >= 5, omega=False)
+"""As of drones, whose lateness is a count."""
 PRIORS = {"theta": 0.1, "omega": 0.001}
 
 every_kind = pytest.mark.parametrize("counts", [COUNTS, SIGNED, MIXED, Counts(True, False)])
@@ -63,14 +65,19 @@ def literal_steps(estimates: list[GradientEstimate]) -> list[dict[str, list[floa
     squares: dict[tuple[str, int], float] = {}
     steps = []
     for n, each in enumerate(estimates, start=1):
-        counted = [name for name in ("theta", "omega") if getattr(each.counts, name)]
-        active = sum(float(m) for name in counted for m in getattr(each.observed, name)) / each.mass
+        counted = {
+            (name, k)
+            for name in ("theta", "omega")
+            for k, count in enumerate(np.broadcast_to(getattr(each.counts, name), getattr(each.observed, name).shape))
+            if count
+        }
+        active = sum(float(getattr(each.observed, name)[k]) for name, k in counted) / each.mass
         step: dict[str, list[float]] = {"theta": [], "omega": []}
         for name in ("theta", "omega"):
             pairs = zip(getattr(each.imagined, name), getattr(each.observed, name), strict=True)
             for k, (e, m) in enumerate(pairs):
                 key, c = (name, k), PRIORS[name]
-                if name in counted:
+                if key in counted:
                     a = 0.6 / (1 + n / 10) ** 0.75 / max(1.0, active)
                     g = max(log((e + c / n) / (m + c / n)), -2.0)
                     momenta[key] = 0.7 * momenta.get(key, 0.0) + 0.3 * a * g
@@ -84,7 +91,7 @@ def literal_steps(estimates: list[GradientEstimate]) -> list[dict[str, list[floa
     return steps
 
 
-@every_kind
+@pytest.mark.parametrize("counts", [COUNTS, SIGNED, MIXED, Counts(True, False), OF_SOME])
 @pytest.mark.parametrize("window_fill", [1.0, 0.4])
 @pytest.mark.parametrize("make", [some_counts, dense_counts])
 def test_steps_are_those_of_the_formulas(counts: Counts, window_fill: float, make: Callable[[int], Parameters]) -> None:

@@ -67,3 +67,14 @@ def test_a_last_decision_of_a_drone_alone_is_the_mean_over_the_disc() -> None:
     assert 0.1 < arrived.mean() < 0.9
     field = LoneField.of(FieldGrid(game, 0), rewards, 0.5)
     assert field.at(1, place)[0] == pytest.approx(np.log(np.exp(earned).mean()), abs=0.03)
+
+
+@every_game
+def test_lateness_alone_is_a_count_and_no_flight_has_less_than_none(game: DroneGame) -> None:
+    """Places are learned by AdaGrad's steps, lateness by ratios."""
+    reward = ArrivingDroneReward(game)
+    assert [name for name, counts in zip(reward.names, reward.counts, strict=True) if counts] == [
+        f"drone_{drone + 1} late" for drone in range(game.n_experts)
+    ]
+    for flight in flights(game):
+        assert (reward.total(discounted_visitation(flight, game.discount))[reward.counts] >= -1e-12).all()
