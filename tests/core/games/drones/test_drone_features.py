@@ -109,6 +109,16 @@ def test_names_say_what_the_features_are_of() -> None:
     assert one[42:].tolist() == [0.0, pytest.approx(0.3)]
 
 
+@pytest.mark.parametrize("radius", [0.04, 0.06, 0.2])
+def test_distances_below_two_diameters_are_counts(radius: float) -> None:
+    """They are what hardly any flight has; drones are farther apart than that again and again."""
+    game = arena(3, {"drone_radius": radius})
+    names, counts = np.array(game.cost_features.names), game.cost_features.counts
+    levels = [level for level in (0.2, 0.5) if level < 4 * radius]
+    expected = [f"drones {i} and {j} within {level:g} m" for i, j in ((1, 2), (1, 3), (2, 3)) for level in levels]
+    assert names[counts].tolist() == expected
+
+
 def test_cost_rbfs_fade_at_a_drones_own_goal_region_and_reward_rbfs_do_not() -> None:
     game = arena(2)
     k = len(game.cost_features.grid.nodes)

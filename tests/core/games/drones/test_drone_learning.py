@@ -27,7 +27,7 @@ from mabirds_core.experiment.assembly import (
 )
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.simulate import simulate, simulate_central
-from mabirds_core.games.drones.arrival import ArrivingDroneReward
+from mabirds_core.games.drones.arrival import ArrivingDroneReward, ArrivingNeuralDroneReward
 from mabirds_core.games.drones.demonstrated import log_ratios
 from mabirds_core.games.drones.lattice import LatticePlanner
 from mabirds_core.games.drones.rewards import LinearDroneReward, NeuralDroneReward, TrueDroneReward
@@ -170,7 +170,13 @@ def test_me_greedy_is_refused_for_drones(call: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "model"), [({}, ArrivingDroneReward), (NOT_LATE, LinearDroneReward), (NEURAL, NeuralDroneReward)]
+    ("changes", "model"),
+    [
+        ({}, ArrivingDroneReward),
+        (NOT_LATE, LinearDroneReward),
+        (NEURAL, ArrivingNeuralDroneReward),
+        ({"algorithm.reward": {**NEURAL["algorithm.reward"], "lateness": False}}, NeuralDroneReward),
+    ],
 )
 def test_the_reward_model_is_that_of_the_settings(changes: dict[str, Any], model: type[Any]) -> None:
     settings = drone_experiment(changes)

@@ -8,6 +8,7 @@ from arenas import arena, double, random_rollouts
 from games import central_differences
 
 from mabirds_core.arrays import Vector
+from mabirds_core.games.drones.arrival import ArrivingDroneReward, ArrivingNeuralDroneReward
 from mabirds_core.games.drones.features import total_reward
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.rewards import DroneRewardModel, LinearDroneReward, NeuralDroneReward, TrueDroneReward
@@ -20,9 +21,15 @@ def neural(game: DroneGame) -> NeuralDroneReward:
     return NeuralDroneReward(game, hidden=4, bound=BOUND)
 
 
+def arriving(game: DroneGame) -> ArrivingNeuralDroneReward:
+    return ArrivingNeuralDroneReward(game, hidden=4, bound=BOUND)
+
+
 Make = Callable[[DroneGame], DroneRewardModel]
 every_game = pytest.mark.parametrize("game", [arena(1), arena(2), arena(3), double(2)], ids=["1", "2", "3", "double"])
-every_model = pytest.mark.parametrize("make", [LinearDroneReward, neural], ids=["linear", "neural"])
+every_model = pytest.mark.parametrize(
+    "make", [LinearDroneReward, neural, arriving], ids=["linear", "neural", "arriving"]
+)
 
 
 def visitation_of(game: DroneGame, rollouts: int = 6) -> Visitation:
@@ -124,6 +131,22 @@ def test_a_neural_reward_is_that_of_its_formula() -> None:
                 for u_x, u_y, b, v in zip(*parts, strict=True)
             )
             assert value == pytest.approx(BOUND / 2 * np.tanh(total), abs=1e-12)
+
+
+@every_game
+def test_networks_say_of_lateness_what_linear_rewards_do(game: DroneGame) -> None:
+    """Beside networks that say nothing as beside weights of 0: the same reward, and the same counts for its steps."""
+    networks, linear, over = arriving(game), ArrivingDroneReward(game), visitation_of(game)
+    late = np.random.default_rng(5).normal(size=game.n_experts)
+    ours, theirs = (of.initial(np.random.default_rng(0)) for of in (networks, linear))
+    ours[networks.counts], theirs[linear.counts] = late, late
+    assert weighted_reward(networks, game, ours, over) == weighted_reward(linear, game, theirs, over) != 0
+    np.testing.assert_array_equal(
+        networks.gradient(ours, over)[networks.counts], linear.gradient(theirs, over)[linear.counts]
+    )
+    assert [networks.arriving(ours, i) for i in range(len(late))] == [
+        linear.arriving(theirs, i) for i in range(len(late))
+    ]
 
 
 @every_game

@@ -40,9 +40,9 @@ from mabirds_expert_player.recorder import expert_streams
 MakeExperiment = Callable[..., Path]
 
 
-@pytest.fixture
-def drones(make_drone_experiment: MakeExperiment) -> Experiment:
-    return load_experiment(make_drone_experiment(iterations=2))
+@pytest.fixture(scope="module")
+def drones(make_shared_drone_experiment: MakeExperiment) -> Experiment:
+    return load_experiment(make_shared_drone_experiment(iterations=2))
 
 
 @pytest.fixture
@@ -144,17 +144,17 @@ def test_costs_of_distances_are_all_on_one_axis(game: DroneGame, axis: Axes) -> 
     assert least.get_xdata()[0] == game.settings.least_distance
 
 
-@pytest.fixture
-def streams(drones: Experiment, game: DroneGame) -> dict[str, list[Trajectories]]:
-    return {name: list(islice(stream, 2)) for name, stream in expert_streams(drones, game).items()}
+@pytest.fixture(scope="module")
+def streams(drones: Experiment) -> dict[str, list[Trajectories]]:
+    return {name: list(islice(stream, 2)) for name, stream in expert_streams(drones, drone_game(drones)).items()}
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def history(drones: Experiment, streams: dict[str, list[Trajectories]]) -> History:
     return simulate(drones, streams)
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def evaluation(drones: Experiment, history: History, streams: dict[str, list[Trajectories]]) -> Evaluation:
     return evaluate(drones, history, streams)
 

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from functools import cache
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,11 +13,9 @@ from mabirds_core.errors import CheckpointError, ExperimentError
 from mabirds_core.games.drones.actor_critic_networks import MODES, Adam, Networks
 from mabirds_core.games.drones.actor_critic_policy import Problem
 from mabirds_core.games.drones.game import DroneGame
-from mabirds_core.games.drones.guide import guidance
 from mabirds_core.games.drones.lattice import LatticePlanner
 from mabirds_core.games.drones.metrics import place_visitation, visitation_distance
 from mabirds_core.games.drones.mixtures import Mixture, squashed
-from mabirds_core.games.drones.planner_settings import SoftActorCriticSettings
 from mabirds_core.games.drones.replay import Replay
 from mabirds_core.games.drones.rewards import LinearDroneReward, TrueDroneReward
 from mabirds_core.games.drones.rollouts import drone_rollouts
@@ -202,7 +199,7 @@ def test_a_gpu_that_is_not_there_is_missed_at_once() -> None:
 
 
 def problem_of(one: SacPlanner, omega: Array) -> Problem:
-    return Problem(one.game, ((one.reward_model, np.zeros(0)), (one.game.cost_features, omega)), 0.1, None)
+    return Problem(one.game, ((one.reward_model, np.zeros(0)), (one.game.cost_features, omega)), 0.1)
 
 
 def test_nothing_follows_the_last_step() -> None:
@@ -287,57 +284,9 @@ def test_it_comes_near_the_lattice(temperature: float, searches: int) -> None:
     assert distance < 0.12, distance
 
 
-def guided(game: DroneGame, temperature: float, **changes: Any) -> SacPlanner:
-    """With the guide of the default settings."""
-    settings = SoftActorCriticSettings(kind="soft_actor_critic", temperature=temperature)
-    reward = LinearDroneReward(game)
-    return SacPlanner(game, reward, temperature, **changes, guidance=guidance(settings, game, reward))
-
-
-def test_a_guide_closes_the_gap() -> None:
-    """Below a nat after three short searches; untrained it is some nats, and far more without the guide."""
-    game, theta, omega = hall()
-    gaps = {}
-    for name, one in (
-        ("untrained", guided(game, 0.1, hidden=64, first_steps=0)),
-        ("guided", guided(game, 0.1, hidden=64, first_steps=300, steps=150)),
-    ):
-        policy = None
-        for seed in range(1 if name == "untrained" else 3):
-            policy = one.plan(theta, omega, policy, np.random.default_rng(seed))
-        assert policy is not None
-        gaps[name] = policy.gap(1, 400)
-    assert gaps["untrained"] is not None
-    assert gaps["guided"] is not None
-    assert gaps["untrained"] > 3
-    assert -0.3 < gaps["guided"] < 1, gaps
-
-
-def test_without_a_guide_the_gap_is_the_critics_own() -> None:
+def test_the_gap_is_the_critics_own() -> None:
     game = arena(2)
     one = planner(game)
     policy = found(one)
     assert policy.gap(1) == policy.gap(1) != policy.gap(2)
     assert one.load_state_dict(one.state_dict(policy)).gap(1) is None
-
-
-def test_a_guided_search_repeats_and_goes_on_from_what_is_remembered() -> None:
-    game = arena(2, {"horizon": 4})
-    one = guided(game, 0.5, **SMALL)
-    theta, omega = np.zeros(one.reward_model.size), np.full(len(game.cost_features.names), -0.1)
-
-    def search(previous: SacPolicy | None, seed: int) -> SacPolicy:
-        return one.plan(theta, omega, previous, np.random.default_rng(seed))
-
-    policy = search(search(None, 0), 1)
-    recalled = one.load_state_dict(one.state_dict(policy))
-    assert bits(one, search(recalled, 2)) == bits(one, search(policy, 2))
-    assert bits(one, search(None, 0)) == bits(one, search(None, 0)) != bits(one, search(None, 1))
-
-
-def test_who_is_guided() -> None:
-    for game, expected in ((arena(1), True), (arena(2), True), (arena(3), False), (double(2), False)):
-        settings = SoftActorCriticSettings(kind="soft_actor_critic")
-        assert (guidance(settings, game, LinearDroneReward(game)) is not None) == expected
-    unguided = SoftActorCriticSettings(kind="soft_actor_critic", guide="none")
-    assert guidance(unguided, arena(2), LinearDroneReward(arena(2))) is None

@@ -14,7 +14,6 @@ from mabirds_core.games.drones.actor_critic_networks import MODES, Adam, Network
 from mabirds_core.games.drones.drone_nodes import Rewards
 from mabirds_core.games.drones.features import total_reward
 from mabirds_core.games.drones.game import DroneGame
-from mabirds_core.games.drones.guide import Guide
 from mabirds_core.games.drones.replay import Replay
 
 GAP_FLIGHTS = 64
@@ -45,14 +44,11 @@ class Problem:
         What r is the sum of.
     temperature : float
         tau.
-    guide : Guide or None
-        What exact planners say of it.
     """
 
     game: DroneGame
     rewards: Rewards
     temperature: float
-    guide: Guide | None
 
     def reward(self, states: Array, actions: Array) -> Vector:
         """r(s, a).
@@ -71,27 +67,6 @@ class Problem:
         """
         terms = (total_reward(self.game.space, of, weights, states, actions) for of, weights in self.rewards)
         return np.asarray(sum(terms, np.zeros(len(states))))
-
-    def worth(self, times: Tensor, actions: Tensor, successors: Tensor) -> Tensor:
-        """What the guide says of Q - r(s, 0).
-
-        Parameters
-        ----------
-        times : Tensor
-            t, shape (M,).
-        actions : Tensor
-            Shape (M, 2 N_E).
-        successors : Tensor
-            s', shape (M, N_E D).
-
-        Returns
-        -------
-        Tensor
-            In rewards, shape (M,); zeros without a guide.
-        """
-        if self.guide is None:
-            return times.new_zeros(len(times))
-        return self.temperature * self.guide.worth(times.long(), actions, successors)
 
     def q(self, networks: Networks, critics: Tensor, states: Tensor, times: Tensor, actions: Tensor) -> Tensor:
         """The lesser Q(t, s, a) - r(s, 0) of twin critics, in rewards.
@@ -115,8 +90,7 @@ class Problem:
             Shape (M,).
         """
         successors = networks.after(states, actions)
-        learned = networks.q(critics, states, times, actions, successors).amin(0)
-        return self.worth(times, actions, successors) + networks.horizons[times.long()] * learned
+        return networks.horizons[times.long()] * networks.q(critics, states, times, actions, successors).amin(0)
 
 
 @dataclass(frozen=True)
@@ -166,7 +140,7 @@ class SacPolicy:
     def gap(self, seed: int, flights: int = GAP_FLIGHTS) -> float | None:
         """By how much the soft return of its flights from P_0 lies below V_0, on average.
 
-        V_0 is the guide's; without one it is what its own critics say, and the gap no more than how far they err.
+        V_0 is what its own critics say, so that the gap is no more than how far they err.
 
         Parameters
         ----------
@@ -183,8 +157,8 @@ class SacPolicy:
         if self.problem is None:
             return None
         rng = np.random.default_rng([seed, flights])
-        starts, guide = self.networks.game.starts(flights, rng), self.problem.guide
-        promised = self._promised(self.problem, starts, rng) if guide is None else guide.start_values(starts)
+        starts = self.networks.game.starts(flights, rng)
+        promised = self._promised(self.problem, starts, rng)
         return float((promised - self._soft_returns(self.problem, starts, rng)).mean())
 
     def _soft_returns(self, problem: Problem, states: Array, rng: np.random.Generator) -> Vector:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from mabirds_core.arrays import Array, Indices, Mask, Vector
 from mabirds_core.games.drones.features import DroneReward
 from mabirds_core.games.drones.game import DroneGame
+from mabirds_core.games.drones.geometry import squared_length
 from mabirds_core.games.drones.nodes import SAME_PLACE, Moves, NodeLattice
 
 Rewards = tuple[tuple[DroneReward, Vector], ...]
@@ -165,7 +166,7 @@ class DroneNodes:
         task, places = self.game.settings.drones[self.drone], self.lattice.places
         low, high = task.start_corners
         away = places - np.clip(places, low, high)
-        return np.asarray(np.sqrt((away**2).sum(axis=1)) <= self.lattice.reach + SAME_PLACE)
+        return np.asarray(np.sqrt(squared_length(away)) <= self.lattice.reach + SAME_PLACE)
 
     @cached_property
     def _order(self) -> Indices:

@@ -12,6 +12,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from mabirds_core.games.drones.geometry import squared_length
 from mabirds_core.games.drones.settings import DroneSettings
 
 
@@ -141,14 +142,14 @@ class DroneDynamics:
         """Which drones, (..., N_E, 2), are in their goal regions, shape (..., N_E)."""
         away = places - self.goals
         if self.goal_ways is not None:
-            ways, squares = self.goal_ways, (self.goal_ways**2).sum(-1)
+            ways, squares = self.goal_ways, squared_length(self.goal_ways)
             along = (away * ways).sum(-1) / self.library.where(squares > 0, squares, self.library.ones_like(squares))
             away = away - self.library.clip(along, 0.0, 1.0)[..., None] * ways
-        return (away**2).sum(-1) <= self.goal_radii**2
+        return squared_length(away) <= self.goal_radii**2
 
     def _shortened(self, vectors: Any, longest: float) -> Any:
         """Vectors (..., 2) that are too long, at their largest length."""
-        length = self.library.sqrt((vectors**2).sum(-1))[..., None]
+        length = self.library.sqrt(squared_length(vectors))[..., None]
         return vectors * self.library.where(
             length > longest, longest / self.library.where(length > longest, length, 1.0), 1.0
         )

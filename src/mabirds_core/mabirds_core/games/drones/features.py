@@ -11,7 +11,8 @@ from typing import Protocol
 
 import numpy as np
 
-from mabirds_core.arrays import Array, Vector
+from mabirds_core.arrays import Array, Mask, Vector
+from mabirds_core.games.drones.geometry import squared_length
 from mabirds_core.games.drones.named_costs import named_costs
 from mabirds_core.games.drones.settings import DroneFeatureSettings, DroneSettings
 from mabirds_core.games.drones.space import DroneSpace
@@ -112,7 +113,7 @@ def pair_distances(space: DroneSpace, states: Array) -> Iterator[Array]:
     """
     places = space.positions(states)
     for i, j in space.pairs:
-        yield np.sqrt(((places[:, i] - places[:, j]) ** 2).sum(axis=-1))
+        yield np.sqrt(squared_length(places[:, i] - places[:, j]))
 
 
 class RbfGrid:
@@ -201,6 +202,7 @@ class DroneCostFeatures:
         self._goals = [task.goal_region for task in settings.drones]
         self._distance_scale, self._softness = features.distance_scale, features.distance_softness
         self.grid = RbfGrid(space.sides, space.grid(features.cost_spacing), features.cost_width)
+        self._near = self._levels < 2 * (2 * settings.drone_radius)
         self._effort = features.effort_scale / max_action**2
         self._named, self._own_names = named_costs(space, settings.costs), tuple(settings.costs)
 
@@ -214,6 +216,14 @@ class DroneCostFeatures:
             *(f"drone_{i} effort" for i in drones),
             *self._own_names,
         )
+
+    @cached_property
+    def counts(self) -> Mask:
+        """Those of distances below two drones' diameters are, shape (K,): of what hardly any demonstration has."""
+        n, pairs = self._space.n_experts, len(self._space.pairs)
+        result = np.zeros(len(self.names), dtype=bool)
+        result[n * self.grid.size :][: pairs * len(self._levels)] = np.tile(self._near, pairs)
+        return result
 
     def _parts(self, weights: Vector) -> tuple[Array, Array, Vector, Vector]:
         """Weights of places (N_E, X Y), of distances (pairs, levels), of effort (N_E,) and of the user's own (J,)."""
@@ -239,7 +249,7 @@ class DroneCostFeatures:
             [
                 *(self.grid.total(places[:, i], weights * self._fade(i, places[:, i])) for i in range(space.n_experts)),
                 *(weights @ self._steps(distances) for distances in pair_distances(space, states)),
-                weights @ (controls**2).sum(axis=-1) * self._effort,
+                weights @ squared_length(controls) * self._effort,
                 self._total_of_named(visitation),
             ]
         )
@@ -263,7 +273,7 @@ class DroneCostFeatures:
         by_place, _, effort, named = self._parts(weights)
         places = states[..., :2]
         of_place = self.grid.values(by_place[drone], places) * self._fade(drone, places)
-        costs = np.asarray(of_place + effort[drone] * self._effort * (actions**2).sum(axis=-1))
+        costs = np.asarray(of_place + effort[drone] * self._effort * squared_length(actions))
         for weight, cost in zip(named, self._named, strict=True):
             if drone in cost.drones:
                 costs = costs + weight * cost.of_drone(states, actions)

@@ -45,7 +45,7 @@ def build_lattice(settings: LatticeSettings, game: Any, reward: Any) -> Any:
 
 
 def build_soft_actor_critic(settings: SoftActorCriticSettings, game: Any, reward: Any) -> Any:
-    """Build the planner that learns from rollouts.
+    """Build the planner of continuous actions.
 
     Parameters
     ----------
@@ -59,15 +59,19 @@ def build_soft_actor_critic(settings: SoftActorCriticSettings, game: Any, reward
     Returns
     -------
     Any
-        A ``SacPlanner``.
+        A ``GuidedPlanner`` where exact planners know the values, else a ``SacPlanner``.
     """
-    require("torch", "policies of kind soft_actor_critic", "mabirds_core[sac]")
-    from mabirds_core.games.drones.guide import guidance  # torch takes a second to load, and 200 MB
-    from mabirds_core.games.drones.soft_actor_critic import SacPlanner
+    from mabirds_core.games.drones.planner_checks import is_guided
 
-    return SacPlanner(
-        game, reward, **settings.model_dump(exclude={"kind", "guide"}), guidance=guidance(settings, game, reward)
-    )
+    if is_guided(settings, game):
+        require("scipy", "exact values of drones", "mabirds_core[drones]")
+        from mabirds_core.games.drones.guided_actor import GuidedPlanner
+
+        return GuidedPlanner.of(game, reward, settings.temperature)
+    require("torch", "networks of kind soft_actor_critic", "mabirds_core[sac]")
+    from mabirds_core.games.drones.soft_actor_critic import SacPlanner  # torch takes a second to load, and 200 MB
+
+    return SacPlanner(game, reward, **settings.model_dump(exclude={"kind", "guide"}))
 
 
 def check_lattice(settings: LatticeSettings, game: Any) -> None:

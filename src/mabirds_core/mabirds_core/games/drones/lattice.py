@@ -27,7 +27,7 @@ import numpy as np
 from mabirds_core.arrays import Array, Indices, Vector
 from mabirds_core.games.drones.coupling import Codes, PairProblem, Table, couple, padded
 from mabirds_core.games.drones.drone_nodes import DroneNodes, Rewards, pair_rewards
-from mabirds_core.games.drones.features import total_reward
+from mabirds_core.games.drones.features import pair_distances, total_reward
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.lone_drone import LoneDrone, log_shares, log_sum_exp
 from mabirds_core.games.drones.nodes import NodeLattice, Shape
@@ -222,8 +222,7 @@ class LatticePolicy:
         """r_12 / tau in joint states."""
         if self.game.n_experts == 1:
             return np.zeros(len(states))
-        away = np.diff(self.game.positions(states), axis=1)[:, 0]
-        distances = np.sqrt((away**2).sum(axis=1))
+        (distances,) = pair_distances(self.game.space, states)
         total = sum((of.pairwise(weights, 0, distances) for of, weights in self.rewards), np.zeros(len(states)))
         return np.asarray(total / self.temperature)
 
@@ -277,8 +276,12 @@ class LatticePlanner:
 
         A ``previous`` policy is used up: its memory is taken over.
         """
-        number = 1 + int(rng.integers(self.rotations)) if self.draws and rng is not None else 0
-        return self._plan_on(number, theta, omega, previous)
+        rewards = ((self.reward_model, theta), (self.game.cost_features, omega))
+        return self.plan_on(self.number(rng), rewards, previous)
+
+    def number(self, rng: np.random.Generator | None) -> int:
+        """Of the lattice that ``rng`` draws, if it does; else 0, of the one that judges."""
+        return 1 + int(rng.integers(self.rotations)) if self.draws and rng is not None else 0
 
     def every_plan(self, theta: Vector, omega: Vector) -> Iterator[LatticePolicy]:
         """pi(omega, theta) on each of the lattices that may be drawn.
@@ -295,13 +298,28 @@ class LatticePlanner:
         LatticePolicy
             One at a time: the next one takes over the memory of the one before.
         """
-        policy = None
+        policy, rewards = None, ((self.reward_model, theta), (self.game.cost_features, omega))
         for number in range(1, self.rotations + 1):
-            policy = self._plan_on(number, theta, omega, policy)
+            policy = self.plan_on(number, rewards, policy)
             yield policy
 
-    def _plan_on(self, number: int, theta: Vector, omega: Vector, previous: Policy | None) -> LatticePolicy:
-        rewards = ((self.reward_model, theta), (self.game.cost_features, omega))
+    def plan_on(self, number: int, rewards: Rewards, previous: Policy | None) -> LatticePolicy:
+        """The policy on one of the lattices, for any rewards.
+
+        Parameters
+        ----------
+        number : int
+            Of the lattice.
+        rewards : Rewards
+            What r is the sum of.
+        previous : Policy or None
+            It is used up.
+
+        Returns
+        -------
+        LatticePolicy
+            Exact there.
+        """
         drones = [LoneDrone.of(drone, rewards, self.temperature) for drone in self.lattices[number]]
         memory = previous.release() if isinstance(previous, LatticePolicy) else np.empty(0, np.uint16)
         if len(drones) == 1:

@@ -5,6 +5,9 @@
 in units of tau. Unlike those of ``lattice``, these are values of the game with continuous actions: a lattice gives to
 moves of full length what mu says of the whole cell around them, and its V_0 is nats too high. They are kept on a grid
 over the arena and interpolated by cubics; in goal regions, where drones stay for ever, V_t = (1 + gamma + ..) r(s, 0).
+
+Where lateness is dear, values jump by hundreds of nats at the places from which a drone may just arrive in time. Cubics
+overshoot there, which would draw drones to the brink; so they are held within the values that they pass through.
 """
 
 from collections.abc import Sequence
@@ -13,6 +16,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.sparse import block_diag, csr_array
 
@@ -27,6 +31,9 @@ RADII, ANGLES = 6, 18
 
 TAPS = np.arange(-1, 3)
 """Points of the grid that a cubic passes through, from the one below."""
+
+STEEP = 15.0
+"""Cubics are held within the values at their 4 x 4 points where these differ by more [nats]."""
 
 
 @dataclass(frozen=True)
@@ -77,13 +84,29 @@ class FieldGrid:
         y = taps(self.axes[1], self.after[:, 0, :, 1].ravel()).reshape(len(self.after), len(self.axes[1]), -1)
         return csr_array(x.astype(np.float32)), csr_array(block_diag(y.astype(np.float32)))
 
+    @cached_property
+    def around(self) -> Indices:
+        """Which 4 x 4 points are around where actions lead: a number for each, row by row, shape (Q, X, Y)."""
+        x, y = (first_tap(self.axes[i], at) for i, at in ((0, self.after[:, :, 0, 0]), (1, self.after[:, 0, :, 1])))
+        return np.asarray(x[:, :, None] * (len(self.axes[1]) - 3) + y[:, None])
+
     def shifted(self, values: Float) -> Float:
         """What values (X, Y) are where actions lead, shape (Q, X, Y)."""
         along_x, along_y = self.shifts
         actions, (wide, deep) = len(self.after), values.shape
         ahead = (along_x @ values).reshape(actions, wide, deep).transpose(0, 2, 1)
         ahead = along_y @ ahead.reshape(actions * deep, wide)
-        return np.asarray(ahead.reshape(actions, deep, wide).transpose(0, 2, 1))
+        return self._held(values, ahead.reshape(actions, deep, wide).transpose(0, 2, 1))
+
+    def _held(self, values: Float, ahead: Float) -> Float:
+        """``ahead`` within the values around it where these jump."""
+        around = sliding_window_view(values, (4, 4))
+        low, high = around.min(axis=(2, 3)), around.max(axis=(2, 3))
+        steep = high - low > STEEP
+        if not steep.any():
+            return ahead
+        low, high = np.where(steep, low, -np.inf).ravel(), np.where(steep, high, np.inf).ravel()
+        return np.clip(ahead, low[self.around], high[self.around])
 
     def arrived(self, places: Array) -> Mask:
         """Which places (..., 2) are in the drone's goal region, shape (...)."""
@@ -100,9 +123,13 @@ class LoneField:
     grid : FieldGrid
         Where values are kept.
     idle : Float
-        r(s, 0) / tau, shape (X, Y).
+        r(s, 0) / tau of a drone under way, shape (X, Y): smooth across the edge of its goal region.
     effort : float
         (r(s, a) - r(s, 0)) / tau |a|^2, the same everywhere.
+    arriving : float
+        What a step earns besides where it ends in the goal region, in nats.
+    under_way : float
+        What r(s, 0) has besides where the drone is under way, in nats.
     values : Float
         V_t of places outside the goal region, shape (T + 2, X, Y).
     """
@@ -110,6 +137,8 @@ class LoneField:
     grid: FieldGrid
     idle: Float
     effort: float
+    arriving: float
+    under_way: float
     values: Float
 
     @classmethod
@@ -141,15 +170,17 @@ class LoneField:
         effort = float(reward(goal, (most, 0.0)) - reward(goal)) / most**2
         arriving = sum(of.arriving(w, grid.drone) for of, w in rewards if hasattr(of, "arriving")) / temperature
         scores = (np.log(shares) + effort * (actions**2).sum(axis=1)).astype(np.float32)[:, None, None]
-        idle, arrived = reward(grid.places).astype(np.float32), reward(grid.after[home]).astype(np.float32)
+        under_way = arriving * (1 / game.discount - 1)  # lateness is the difference of a potential
+        idle = (reward(grid.places) + under_way * grid.arrived(grid.places)).astype(np.float32)
+        arrived = reward(grid.after[home]).astype(np.float32)
         values, left = np.zeros((game.horizon + 2, *idle.shape), np.float32), steps_left(game)
         for step in range(game.horizon, -1, -1):
             ahead = grid.shifted(values[step + 1])
             ahead[home] = left[step + 1] * arrived + arriving / game.discount
             values[step] = idle + _log_sum_exp(np.float32(game.discount) * ahead + scores)
-        return cls(grid, idle, effort, values)
+        return cls(grid, idle, effort, arriving, under_way, values)
 
-    def at(self, step: int, places: Array) -> Vector:
+    def at(self, step: int, places: Array) -> Array:
         """V_t.
 
         Parameters
@@ -157,22 +188,46 @@ class LoneField:
         step : int
             t.
         places : Array
-            Shape (M, 2) [m].
+            Shape (..., 2) [m].
 
         Returns
         -------
-        Vector
-            In nats, shape (M,).
+        Array
+            In nats, shape (...).
         """
-        x, y = (taps(axis, places[:, i]) for i, axis in enumerate(self.grid.axes))
-        free, stays = (((csr_array(x) @ table) * y).sum(axis=1) for table in (self.values[step], self.idle))
-        home = self.grid.arrived(places)
-        return np.asarray(np.where(home, steps_left(self.grid.game)[step] * stays, free))
+        grid = self.grid
+        first = [first_tap(axis, places[..., i]) for i, axis in enumerate(grid.axes)]
+        x, y = (cubic(places[..., i] / axis[1] - first[i] - 1) for i, axis in enumerate(grid.axes))
+        free = sliding_window_view(self.values[step], (4, 4))[*first]
+        stays = sliding_window_view(self.idle, (4, 4))[*first]
+        home = grid.arrived(places)
+        around = np.where(home[..., None, None], steps_left(grid.game)[step] * (stays - self.under_way), free)
+        value = sum(sum(around[..., i, j] * y[j] for j in range(4)) * x[i] for i in range(4))
+        low, high = around.min(axis=(-2, -1)), around.max(axis=(-2, -1))
+        return np.asarray(np.where(high - low > STEEP, np.clip(value, low, high), value))
 
 
 def steps_left(game: DroneGame) -> Vector:
     """h_t = 1 + gamma h_{t+1}, what a reward of one in every step left is worth, shape (T + 2,)."""
     return np.append((game.discount ** np.arange(game.horizon + 1)).cumsum()[::-1], 0.0)
+
+
+def first_tap(axis: Vector, at: Array) -> Indices:
+    """The first of the four points that a cubic passes through.
+
+    Parameters
+    ----------
+    axis : Vector
+        Evenly spaced points, shape (X,), four at least.
+    at : Array
+        Where, of any shape.
+
+    Returns
+    -------
+    Indices
+        From 0 to X - 4, of the same shape.
+    """
+    return np.asarray(np.clip(np.floor(at / axis[1]).astype(np.int64), 1, len(axis) - 3) - 1)
 
 
 def taps(axis: Vector, at: Vector) -> Array:
@@ -190,15 +245,14 @@ def taps(axis: Vector, at: Vector) -> Array:
     Array
         A row of X weights for each, shape (M, X).
     """
-    below = np.clip(np.floor(at / axis[1]).astype(np.int64), 1, len(axis) - 3)
-    rows: Indices = np.arange(len(at))
+    below, rows = first_tap(axis, at) + 1, np.arange(len(at))
     result = np.zeros((len(at), len(axis)))
     result[rows[:, None], below[:, None] + TAPS] = np.stack(cubic(at / axis[1] - below), axis=-1)
     return result
 
 
 def cubic(way: Any) -> list[Any]:
-    """Weights of the points at -1, 0, 1 and 2 for the cubic through them, at ``way``; for numpy and torch alike."""
+    """Weights of the points at -1, 0, 1 and 2 for the cubic through them, at ``way``."""
     return [
         -way * (way - 1) * (way - 2) / 6,
         (way + 1) * (way - 1) * (way - 2) / 2,

@@ -9,7 +9,10 @@ from mabirds_core.games.drones.planner_settings import LatticeSettings, SoftActo
 from mabirds_core.planners.settings import check_rollouts
 
 MAX_VALUES = 1_000_000_000
-"""Values that a policy on a lattice may keep: 2 gigabytes for two drones, 8 for one."""
+"""Values that a policy may keep on a lattice: 2 gigabytes for two drones and more, 8 for one."""
+
+GUIDE = LatticeSettings(kind="lattice")
+"""By which actors are guided."""
 
 
 def suits_lattice(game: DroneGame) -> bool:
@@ -47,6 +50,33 @@ def check_lattice(lattice: LatticeSettings, game: DroneGame) -> None:
         )
 
 
+def check_guide(game: DroneGame) -> None:
+    """Check that exact planners can guide an actor, of any number of drones, by pairs.
+
+    Parameters
+    ----------
+    game : DroneGame
+        Of drones.
+
+    Raises
+    ------
+    ExperimentError
+        They are no single integrators, a goal region is so small that lattices may have no node in it, or values of all
+        pairs do not fit into memory.
+    """
+    if game.settings.dynamics != "single_integrator":
+        raise ExperimentError(
+            f"algorithm.policy.guide lattice: made for single integrators, found {game.settings.dynamics}s, whose"
+            " lattices would need four dimensions a drone; set guide to none"
+        )
+    _check_reach(GUIDE, spacing_of(GUIDE, game), game)
+    if (values := _values(GUIDE, game)) > MAX_VALUES:
+        raise ExperimentError(
+            f"algorithm.policy.guide lattice: {len(game.pairs)} pairs of drones make {values:.2g} values, expected at"
+            f" most {MAX_VALUES:.2g}; set guide to none, take fewer drones, or make a step longer (game.time_step)"
+        )
+
+
 def fits(lattice: LatticeSettings, game: DroneGame) -> bool:
     """Whether the values of a policy on the lattice fit into memory.
 
@@ -66,10 +96,11 @@ def fits(lattice: LatticeSettings, game: DroneGame) -> bool:
 
 
 def _values(lattice: LatticeSettings, game: DroneGame) -> float:
-    """How many there are if drones can reach all nodes at once."""
+    """How many there are if drones can reach all nodes at once; of three drones or more, those of all pairs."""
     area = spacing_of(lattice, game) ** 2 * math.sin(SYMMETRY[lattice.shape])
     nodes: float = math.prod(game.settings.arena) / area
-    return nodes**game.n_experts * (game.horizon + 1)
+    tables = nodes if game.n_experts == 1 else nodes**2 * len(game.pairs)
+    return tables * (game.horizon + 1)
 
 
 def spacing_of(lattice: LatticeSettings, game: DroneGame) -> float:
@@ -106,10 +137,25 @@ def _check_reach(lattice: LatticeSettings, spacing: float, game: DroneGame) -> N
             )
 
 
-def suits_guide(game: DroneGame) -> bool:
-    """Whether a lattice of the default spacing can guide a soft actor-critic."""
+def is_guided(settings: SoftActorCriticSettings, game: DroneGame) -> bool:
+    """Whether exact planners are to take the place of networks: where they can, unless the settings say not to.
+
+    Parameters
+    ----------
+    settings : SoftActorCriticSettings
+        Of the planner.
+    game : DroneGame
+        Of drones.
+
+    Returns
+    -------
+    bool
+        Of one or two drones they are exact, of more by pairs.
+    """
+    if settings.guide == "none":
+        return False
     try:
-        check_lattice(LatticeSettings(kind="lattice"), game)
+        check_guide(game)
     except ExperimentError:
         return False
     return True
@@ -134,4 +180,4 @@ def check_soft_actor_critic(settings: SoftActorCriticSettings, game: DroneGame) 
     if game.dynamics.goal_ways is not None:
         raise ExperimentError("algorithm.policy.kind soft_actor_critic: goal regions must be discs; take lattice")
     if settings.guide == "lattice":
-        check_lattice(LatticeSettings(kind="lattice"), game)
+        check_guide(game)

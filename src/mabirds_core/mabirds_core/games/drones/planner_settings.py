@@ -24,7 +24,11 @@ class LatticeSettings(Settings):
 
 
 class SoftActorCriticSettings(Settings):
-    """Networks that learn from imagined rollouts and observed demonstrations, kept from iteration to iteration."""
+    """Continuous actions: by values of single integrators and their pairs; else by networks that learn from rollouts.
+
+    Networks learn from imagined rollouts and observed demonstrations and are kept from iteration to iteration. All but
+    ``temperature`` and ``guide`` is theirs.
+    """
 
     kind: Literal["soft_actor_critic"]
     temperature: float = Field(0.02, gt=0, le=1000, description="tau: the policy is that of the reward divided by it")
@@ -36,7 +40,7 @@ class SoftActorCriticSettings(Settings):
     rollouts: int = Field(32, ge=1, le=100_000, description="trajectories added to them in each search")
     learning_rate: float = Field(1e-3, gt=0, le=1, description="of the first search")
     guide: Literal["lattice", "none"] | None = Field(
-        None, description="whose values critics start from; default: a lattice's, for one or two single integrators"
+        None, description="values by drone and by pair in place of networks; default: lattice, for single integrators"
     )
     device: Literal["cpu", "cuda"] = Field("cpu", description="what computes")
     threads: int = Field(1, ge=1, le=1024, description="of the CPU; results repeat bit for bit with one")

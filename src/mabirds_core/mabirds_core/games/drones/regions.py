@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from mabirds_core.arrays import Array, Mask
-from mabirds_core.games.drones.geometry import disc, rim, segment_distance
+from mabirds_core.games.drones.geometry import disc, rim, segment_distance, squared_length
 from mabirds_core.settings import Settings
 
 Point = tuple[float, float]
@@ -39,7 +39,7 @@ class Region(Settings):
 
     def away(self, places: Array) -> Array:
         """Squared distances to the segment, or to the centre of a disc, shape (...) [m^2]."""
-        return np.asarray(((places - self.nearest(places)) ** 2).sum(axis=-1))
+        return np.asarray(squared_length(places - self.nearest(places)))
 
     @model_validator(mode="after")
     def _is_no_point(self) -> "Region":

@@ -11,11 +11,9 @@ the soft Bellman policy of the reward divided by tau.
 
 - log pi is relative to mu, uniform in the disc of actions. The actor is a mixture of Gaussians (``mixtures``), and the
   expectation over its modes is taken, not drawn: log w has a gradient without noise.
-- Where exact planners know the game's values nearly, critics begin with them and learn the rest: Q_k is what the
-  ``guide`` says plus h_t q_k. Flights of the guide's policy are replayed with one's own: actors that explore alone
-  never see what is dear to miss. The guide is right from the start, so that actors may learn quickly.
+- Where exact planners know the values, networks have nothing to learn: there ``guided_actor`` takes their place.
 - The game has an end: networks are told t, and h_t = 1 + gamma h_{t+1}, h_{T+1} = 0, is what a reward of one in every
-  step left is worth. The network q_k, a mean reward of a step still to come, is of the same order at every t.
+  step left is worth. The network is q_k = Q_k / h_t, a mean reward of a step still to come: of one order at every t.
 - The dynamics are known, so critics are shown the successor s' of (s, a), through which the actor's gradient passes.
   Rewards are known as well, so Q leaves out r(s, 0), which no action changes: its rest follows from a and s'.
 - Transitions are replayed off policy, those of step t as often as gamma^t says: V_0 less the soft return of pi from P_0
@@ -37,8 +35,7 @@ from mabirds_core.games.drones.actor_critic_memory import recalled, remembered
 from mabirds_core.games.drones.actor_critic_networks import MODES, Adam, Networks
 from mabirds_core.games.drones.actor_critic_policy import ActorCritic, Problem, SacPolicy, torch_threads
 from mabirds_core.games.drones.game import DroneGame
-from mabirds_core.games.drones.guide import Guidance, Guide
-from mabirds_core.games.drones.replay import Replay, joined
+from mabirds_core.games.drones.replay import Replay
 from mabirds_core.games.drones.rewards import DroneRewardModel
 from mabirds_core.games.drones.rollouts import drone_rollouts
 from mabirds_core.games.interface import Trajectories
@@ -54,24 +51,13 @@ PATIENCE = 20.0
 """After k searches the learning rate is learning_rate / sqrt(1 + k / PATIENCE)."""
 
 FIRST_ROLLOUTS = 4
-"""The first search begins with so many times more rollouts, of the guide or of random actions."""
+"""The first search begins with so many times more rollouts, of random actions."""
 
 HOLD = 8
 """For so many steps random actions are held."""
 
 MOST_GRADIENT = 20.0
 """The actor's gradient is cut to this length [nats]."""
-
-
-QUICK, SETTLED = 10.0, 0.05
-"""A guide is right from the start: an actor that follows one learns so much quicker, and settles in every search."""
-
-
-class Rates(NamedTuple):
-    """Learning rates of a gradient step."""
-
-    critics: float
-    actor: float
 
 
 class Minibatch(NamedTuple):
@@ -123,8 +109,6 @@ class SacPlanner:
     """"cpu" or "cuda"."""
     threads: int = 1
     """Threads of torch on the CPU; with one, results repeat bit for bit."""
-    guidance: Guidance | None = None
-    """Exact planners, where there are any for the game."""
 
     def __post_init__(self) -> None:
         if self.device == "cuda" and not torch.cuda.is_available():
@@ -145,27 +129,19 @@ class SacPlanner:
         if rng is None:
             raise TypeError("a soft actor-critic draws rollouts, but rng is None; pass a numpy.random.Generator")
         start = previous if self._fits(previous) else self._beginning(rng)
-        problem = self._problem(theta, omega, start, rng)
-        replay = start.replay.with_rollouts(self._flights(start, problem.guide, rng), self.capacity)
+        rewards = ((self.reward_model, theta), (self.game.cost_features, omega))
+        problem = Problem(self.game, rewards, self.temperature)
+        replay = start.replay.with_rollouts(self._flights(start, rng), self.capacity)
         replay = replay.with_demonstrations(observed, self.capacity)
         with torch_threads(self.threads):
             learned = self._trained(start, problem, replay, rng)
         return SacPolicy(start.networks, learned, replay, start.searches + 1, problem)
 
-    def _problem(self, theta: Vector, omega: Vector, start: SacPolicy, rng: np.random.Generator) -> Problem:
-        """With a guide, where there may be one; it takes over the memory of the guide before."""
-        before = None if start.problem is None else start.problem.guide
-        guide = None if self.guidance is None else self.guidance.guide(theta, omega, before, rng)
-        rewards = ((self.reward_model, theta), (self.game.cost_features, omega))
-        return Problem(self.game, rewards, self.temperature, guide)
-
-    def _flights(self, start: SacPolicy, guide: Guide | None, rng: np.random.Generator) -> Trajectories:
-        """New ones for the replay: of the policy before and of the guide, at first many to see the arena."""
-        many = FIRST_ROLLOUTS * self.rollouts
-        if not start.searches:
-            return self._random_rollouts(many, rng) if guide is None else guide.flights(many, rng)
-        own = drone_rollouts(self.game, start, self.rollouts, rng)
-        return own if guide is None else joined(own, guide.flights(self.rollouts, rng))
+    def _flights(self, start: SacPolicy, rng: np.random.Generator) -> Trajectories:
+        """New ones for the replay: of the policy before, at first many random ones to see the arena."""
+        if start.searches:
+            return drone_rollouts(self.game, start, self.rollouts, rng)
+        return self._random_rollouts(FIRST_ROLLOUTS * self.rollouts, rng)
 
     def _fits(self, previous: Policy | None) -> TypeGuard[SacPolicy]:
         if not isinstance(previous, SacPolicy):
@@ -196,9 +172,8 @@ class SacPlanner:
         networks = Networks(self.game, self.hidden, self.device)
         learned = start.learned.on(self.device)
         steps = self.steps if start.searches else self.first_steps
-        for step, batch in enumerate(self._batches(problem, replay, steps, rng)):
-            actors = rate if problem.guide is None else self.learning_rate * QUICK * fall(step / steps)
-            learned = self._step(networks, problem, learned, batch, Rates(rate, actors))
+        for batch in self._batches(problem, replay, steps, rng):
+            learned = self._step(networks, problem, learned, batch, rate)
         return learned.on("cpu")
 
     def _batches(self, problem: Problem, replay: Replay, steps: int, rng: np.random.Generator) -> Iterator[Minibatch]:
@@ -214,29 +189,28 @@ class SacPlanner:
         return map(Minibatch, *rows, *(torch.tensor(values, device=self.device) for values in (noise, uniform)))
 
     def _step(
-        self, networks: Networks, problem: Problem, learned: ActorCritic, batch: Minibatch, rates: Rates
+        self, networks: Networks, problem: Problem, learned: ActorCritic, batch: Minibatch, rate: float
     ) -> ActorCritic:
         """One step of the critics, then one of the actor, then the targets follow."""
         actor, critics, targets = learned
         wanted = self._wanted(networks, problem, learned, batch)
         error = partial(self._critic_loss, networks, batch=batch, wanted=wanted)
-        critics = critics.descend(gradient(error, critics.weights), rates.critics)
+        critics = critics.descend(gradient(error, critics.weights), rate)
         loss = partial(self._actor_loss, networks, problem, critics=critics.weights, batch=batch)
         slope = gradient(loss, actor.weights)
         slope *= (MOST_GRADIENT * self.temperature / slope.norm()).clamp(max=1.0)
-        return ActorCritic(actor.descend(slope, rates.actor), critics, targets.lerp(critics.weights, SMOOTHING))
+        return ActorCritic(actor.descend(slope, rate), critics, targets.lerp(critics.weights, SMOOTHING))
 
     @torch.no_grad()
     def _wanted(self, networks: Networks, problem: Problem, learned: ActorCritic, batch: Minibatch) -> Tensor:
-        """What the critics are to say of ``batch``: y less what the guide says, per step left, shape (batch,)."""
+        """What the critics are to say of ``batch``: y per step left, shape (batch,)."""
         later = batch.times + 1
         mixture = networks.mixture(learned.actor.weights, batch.successors, later)
         chosen, log_pi = mixture.act(mixture.chosen(mixture.draw(batch.noise[:, 0]), batch.uniform))
         actions = networks.dynamics.max_action * chosen[:, 0]
         q = problem.q(networks, learned.targets, batch.successors, later, actions)
         value = torch.where(later <= self.game.horizon, batch.idle + q - self.temperature * log_pi[:, 0], 0.0)
-        known = problem.worth(batch.times, batch.actions, batch.successors)
-        return (batch.efforts + self.game.discount * value - known) / networks.horizons[batch.times.long()]
+        return (batch.efforts + self.game.discount * value) / networks.horizons[batch.times.long()]
 
     def _critic_loss(self, networks: Networks, critics: Tensor, batch: Minibatch, wanted: Tensor) -> Tensor:
         successors = networks.after(batch.states, batch.actions)
@@ -259,11 +233,6 @@ class SacPlanner:
     def load_state_dict(self, memory: Mapping[str, Array]) -> SacPolicy:
         """The policy that was remembered."""
         return recalled(self.game, self.hidden, memory)
-
-
-def fall(progress: float) -> float:
-    """What is left of an actor's learning rate after a share of a search: all of it for the first half, then less."""
-    return min(1.0, SETTLED + (1 - SETTLED) * 2 * (1 - progress))
 
 
 def gradient(loss: Callable[[Tensor], Tensor], weights: Tensor) -> Tensor:

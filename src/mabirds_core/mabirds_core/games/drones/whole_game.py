@@ -10,12 +10,12 @@ import numpy as np
 from mabirds_core.arrays import Array, Vector
 from mabirds_core.errors import ImpossibleTrajectoryError
 from mabirds_core.extras import require
-from mabirds_core.games.drones.arrival import ArrivingDroneReward
+from mabirds_core.games.drones.arrival import ArrivingDroneReward, ArrivingNeuralDroneReward
 from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.judge import RolloutJudge
 from mabirds_core.games.drones.learned_costs import measures
 from mabirds_core.games.drones.nodes import Shape
-from mabirds_core.games.drones.planner_checks import fits, spacing_of, suits_lattice
+from mabirds_core.games.drones.planner_checks import fits, is_guided, spacing_of, suits_lattice
 from mabirds_core.games.drones.planner_settings import LatticeSettings, SoftActorCriticSettings
 from mabirds_core.games.drones.recorded import fit_places, followed
 from mabirds_core.games.drones.rewards import DroneRewardModel, LinearDroneReward, NeuralDroneReward, TrueDroneReward
@@ -70,16 +70,38 @@ class WholeDroneGame(DroneGame):
         require("torch", "a neural reward of drones", SAC)
         return NeuralDroneReward(self, hidden, bound)
 
+    def arriving_neural_reward(self, hidden: int, bound: float) -> ArrivingNeuralDroneReward:
+        """A network for each drone's place, and a parameter for each drone that comes too late.
+
+        Parameters
+        ----------
+        hidden : int
+            Units of a network.
+        bound : float
+            Of what networks say together.
+
+        Returns
+        -------
+        ArrivingNeuralDroneReward
+            r_theta.
+        """
+        require("torch", "a neural reward of drones", SAC)
+        return ArrivingNeuralDroneReward(self, hidden, bound)
+
     def true_reward(self) -> TrueDroneReward:
         """Minus the step cost for each drone under way."""
         return TrueDroneReward(self)
 
     def evaluation_planner(self, planner: Any, reward: DroneRewardModel) -> Planner:
-        """On a lattice that no learner draws, where there may be one; else the planner that learned, anew."""
+        """On a lattice that no learner draws, where there may be one; by pairs on it; else the planner that learned."""
         if isinstance(planner, SoftActorCriticSettings) and suits_lattice(self):
             planner = LatticeSettings(kind="lattice", temperature=planner.temperature)
         if isinstance(planner, LatticeSettings):
             return build_lattice(planner, self, reward, draws=False)
+        if isinstance(planner, SoftActorCriticSettings) and is_guided(planner, self):
+            from mabirds_core.games.drones.guided_actor import GuidedPlanner
+
+            return GuidedPlanner.of(self, reward, planner.temperature, draws=False)
         learned: Planner = build("mabirds.planners", planner, self, reward)
         return learned
 
