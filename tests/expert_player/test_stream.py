@@ -1,5 +1,8 @@
 """One learner's stream, without ROS and without a clock."""
 
+from itertools import pairwise
+from math import inf
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -33,6 +36,23 @@ def test_never_more_than_the_window_ahead() -> None:
     while stream.open:
         play(stream, now=200.0)
     assert stream.sent == 5
+
+
+def test_a_learner_is_supplied_with_half_of_what_it_may_have_or_with_everything() -> None:
+    stream = Stream(total=6, max_in_flight=4)
+    assert not stream.supplied, "nobody learns"
+    stream.acknowledge(0)
+    supplied = list[bool]()
+    while stream.open:
+        supplied.append(stream.supplied)
+        play(stream, 0.0)
+    assert (supplied, stream.supplied) == ([False, False, True, True], True)
+    stream.acknowledge(3)
+    assert not stream.supplied
+    play(stream, 1.0)
+    play(stream, 2.0)
+    stream.acknowledge(5)
+    assert stream.supplied, "all is sent"
 
 
 def test_it_is_finished_once_all_is_acknowledged_not_once_all_is_sent() -> None:
@@ -181,3 +201,18 @@ def test_nobody_is_taken_further_than_they_said_lately(claims: list[tuple[float,
         believed = speaker.accepted(learned, sent, now)
         assert believed in (None, learned, *lately)
         assert believed is None or believed <= learned or learned > sent
+
+
+@given(said)
+def test_what_counts_is_the_least_of_what_was_said_lately_where_it_fell(claims: list[tuple[float, int, int]]) -> None:
+    """By all that was said in the last seconds, looked through at each claim."""
+    speaker, now, since, heard = AckFilter(patience=2.0), 0.0, inf, list[tuple[float, int]]()
+    for gap, learned, sent in claims:
+        now += gap
+        heard = [*((when, number) for when, number in heard if now - when <= 2.0), (now, learned)]
+        lately, since = [number for _, number in heard], inf if learned <= sent else min(since, now)
+        fell = any(later < before for before, later in pairwise(lately))
+        expected = min(lately) if fell else learned
+        if now - since < 2.0 and since < inf:
+            expected = min((number for number in lately if number <= sent), default=None)
+        assert speaker.accepted(learned, sent, now) == expected

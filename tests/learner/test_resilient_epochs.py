@@ -100,6 +100,20 @@ def test_a_new_epoch_begins_with_the_estimate_and_weight_one(ring: Experiment, s
     )
 
 
+def test_what_was_prepared_in_an_earlier_epoch_is_made_anew(ring: Experiment, streams: Streams) -> None:
+    prepared, other = push_sum_session(ring, "learner_2"), push_sum_session(ring, "learner_2")
+    for session in (prepared, other):
+        session.receive_demonstration(1, streams["learner_2"][0])
+    prepared.prepare()
+    assert not prepared.can_prepare
+    for session in (prepared, other):
+        session.member.follow(2, NAMES[:3])
+        session.member.give_up_waiting()
+    assert prepared.can_prepare
+    assert prepared.step() == other.step()
+    assert prepared.parameters.theta.tobytes() == other.parameters.theta.tobytes()
+
+
 def test_who_departed_comes_back_as_a_late_joiner(ring: Experiment) -> None:
     session = push_sum_session(ring, "learner_4")
     session.member.follow(2, NAMES[:3])

@@ -128,7 +128,7 @@ def test_a_restart_from_files_before_every_update_changes_no_bit(
         assert bits(session.parameters) == bits(expected["learner_1"][session.iteration - 1])
 
 
-@pytest.mark.parametrize("planner", ["lattice", "soft_actor_critic"])
+@pytest.mark.parametrize("planner", ["lattice", "soft_actor_critic", "guided"])
 def test_a_restart_changes_no_bit_with_drones(make_drone_experiment: Callable[..., Path], planner: str) -> None:
     """Networks, optimisers and replay of an actor-critic are in the checkpoint; older ones keep theta and omega."""
     check_restarts(load_experiment(make_drone_experiment(planner)))

@@ -11,6 +11,7 @@ import pytest
 from mabirds_msgs_py.environment import (
     FASTDDS_CHOICES,
     FASTDDS_PROFILE,
+    GENERATOR,
     LOOPBACK_PROFILE,
     ONE_HOST_PROFILE,
     RANGE,
@@ -153,3 +154,20 @@ def test_the_profile_is_installed_with_the_package(tmp_path: Path) -> None:
         (installed,) = tmp_path.rglob(profile.name)
         assert installed.parent.name == PACKAGE.name
         assert installed.read_bytes() == profile.read_bytes()
+
+
+def test_type_support_is_loaded_without_the_generator_which_can_still_be_had() -> None:
+    program = f"""
+import sys
+from mabirds_msgs_py.environment import load_type_support_alone
+load_type_support_alone()
+load_type_support_alone()
+from importlib import import_module
+from mabirds_msgs.msg import LearnerStatus
+from rclpy.type_support import check_for_type_support
+check_for_type_support(LearnerStatus)
+print("lark" in sys.modules, "rosidl_generator_py" in sys.modules)
+print(import_module({GENERATOR!r}).generate_py.__name__)
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout.split() == ["False", "True", "generate_py"]

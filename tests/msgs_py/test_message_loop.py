@@ -115,6 +115,37 @@ def test_a_flood_of_messages_lets_timers_have_their_turn(node: Node, loop: Messa
     spin_until(loop, lambda: len(ticks) > 5 and len(heard) > 10 * MOST_IN_A_ROW)
 
 
+def test_a_flood_of_messages_lets_services_and_new_subscriptions_have_their_turn(node: Node, loop: MessageLoop) -> None:
+    heard = list[str]()
+    publisher = node.create_publisher(KeyValue, "words", latched(1))
+
+    def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        node.create_subscription(KeyValue, "others", lambda message: heard.append(message.key), latched(1))
+        return response
+
+    node.create_publisher(KeyValue, "others", latched(1)).publish(KeyValue(key="here"))
+    node.create_subscription(KeyValue, "words", publisher.publish, latched(1))
+    node.create_service(Trigger, "ask", answer)
+    client = node.create_client(Trigger, "ask")
+    publisher.publish(KeyValue())
+    spin_until(loop, client.service_is_ready)
+    future = client.call_async(Trigger.Request())
+    spin_until(loop, lambda: heard and future.done())
+
+
+def test_what_a_message_has_made_is_heard_where_no_other_message_comes(node: Node, loop: MessageLoop) -> None:
+    heard = list[str]()
+    node.create_publisher(KeyValue, "others", latched(1)).publish(KeyValue(key="here"))
+    node.create_subscription(
+        KeyValue,
+        "words",
+        lambda _: node.create_subscription(KeyValue, "others", lambda message: heard.append(message.key), latched(1)),
+        latched(1),
+    )
+    node.create_publisher(KeyValue, "words", latched(1)).publish(KeyValue())
+    spin_until(loop, lambda: heard)
+
+
 def test_a_glance_takes_what_has_gathered_and_no_more_than_it_may(node: Node, loop: MessageLoop) -> None:
     heard, ticks = list[str](), list[int]()
     publisher = node.create_publisher(KeyValue, "words", latched(100))

@@ -119,6 +119,11 @@ class Playback:
         return self.stopped or (all(stream.finished for stream in self.streams.values()) and not self._loops_again)
 
     @property
+    def supplied(self) -> bool:
+        """Do all learners have enough before them, and is nothing asked for?"""
+        return not self.owed and all(stream.supplied for stream in self.streams.values())
+
+    @property
     def _loops_again(self) -> bool:
         looked_at = any(stream.only_looked_at for stream in self.streams.values())
         return looked_at and (self.loops == 0 or self.loop < self.loops)

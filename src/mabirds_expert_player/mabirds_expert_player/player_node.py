@@ -23,6 +23,7 @@ from mabirds_core.experiment.assembly import build_game, method_names
 from mabirds_core.experiment.differences import settings_lines
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.texts import truncate
+from mabirds_expert_player.alarm import IDLE, Alarm
 from mabirds_expert_player.diagnostics import playing_diagnostic
 from mabirds_expert_player.playback import LONG_WAIT, Playback
 from mabirds_expert_player.player_control import PlayerControl
@@ -43,7 +44,7 @@ from mabirds_expert_player.stream import AckFilter, Stream
 from mabirds_msgs_py import diagnostics, topics
 from mabirds_msgs_py.bag_digest import require_digest
 from mabirds_msgs_py.bag_reader import DemonstrationBag
-from mabirds_msgs_py.conversion import NANOSECONDS, time_message
+from mabirds_msgs_py.conversion import time_message
 from mabirds_msgs_py.demonstration_origin import played_to
 from mabirds_msgs_py.environment import prepare_environment
 from mabirds_msgs_py.network_node import NetworkNode
@@ -59,9 +60,6 @@ PATIENCE = 2.0
 
 And until statuses that contradict each other are believed to be a learner's or a player's new start."""
 
-IDLE = 3600.0
-"""Seconds between two looks while nothing can become due by itself."""
-
 STEP_LOOK = 0.5
 """Seconds between two looks while a step waits for learners."""
 
@@ -73,6 +71,9 @@ BATCH = 64
 
 ALONE = 3.5
 """Seconds after which a player says that nobody is there."""
+
+GATHERING = 0.005
+"""Seconds for which statuses gather where learners have enough before them and nothing can become due."""
 
 SPEEDS = ("rate", "hz")
 
@@ -96,8 +97,9 @@ class ExpertPlayerNode(NetworkNode):
         declare_parameters(self)
         experiment, self._experiment_digest = experiment_of(self)
         self._schedule_digest = experiment.edge_schedule.digest
-        if self._value("baseline") not in ("", *method_names()):
-            raise ExperimentError(f"baseline {self._value('baseline')!r}: expected one of {method_names()}, or nothing")
+        self._baseline = self._value("baseline")
+        if self._baseline not in ("", *method_names()):
+            raise ExperimentError(f"baseline {self._baseline!r}: expected one of {method_names()}, or nothing")
         self._game = build_game(experiment)
         self._inquiry = SettingsInquiry(self, settings_lines(experiment, self._value("run")))
         self._solitude = Solitude(ALONE)
@@ -105,14 +107,16 @@ class ExpertPlayerNode(NetworkNode):
         self._learners = chosen_learners(self, experiment.learners)
         self._bag = self._open_bag(experiment)
         self.playback = self._make_playback(experiment)
+        self._origin = played_to(self._experiment_digest, self._value("bag_digest"))
         self._claims = {name: AckFilter(PATIENCE) for name in self._learners}
         self._held_back, self._long_waits = set[str](), set[tuple[str, int]]()
         self.done, self.answers, self.answer = False, 0, ""
+        self.gather = 0.0
         self._publishers_by_learner = {name: self._connect(name) for name in self._learners}
         self._ahead = {name: ReadAhead(self._bag, name, self._value("read_ahead")) for name in self._learners}
         self._status_publisher = self.create_publisher(PlayerStatus, f"~/{STATUS}", STATUS_QOS)
         self._diagnostics_publisher = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, diagnostics.DEPTH)
-        self._timer = self.create_timer(IDLE, self._play)
+        self._alarm = Alarm(self, self._play)
         self.create_timer(diagnostics.PERIOD, self._on_timer)
         self._publish_clock()
         self.add_post_set_parameters_callback(self._on_parameters)
@@ -184,7 +188,7 @@ class ExpertPlayerNode(NetworkNode):
 
     def _possible(self, learner: str, status: LearnerStatus) -> bool:
         """Is the status from ``learner``, and within what there is to learn? Says so where it is not."""
-        name, total = self._value("baseline") or learner, self._totals[learner]
+        name, total = self._baseline or learner, self._totals[learner]
         if status.learner == name and status.last_demonstration <= total:
             return True
         self.get_logger().error(
@@ -196,24 +200,21 @@ class ExpertPlayerNode(NetworkNode):
 
     def _same_network(self, learner: str, status: LearnerStatus) -> bool:
         """Does the learner run the same game, experiment and schedule? Says so where it does not."""
-        digests = {
-            "game": (status.game_digest, self._game.digest),
-            "experiment": (status.experiment_digest, self._experiment_digest),
-            "schedule": (status.schedule_digest, self._schedule_digest),
-        }
-        other = ", ".join(what_is_other(digests))
-        if other:
-            found = self._inquiry.words(*self._node_of(learner))
-            words = f"{learner} has {other}; start both with the same experiment file and run. {found}"
-            self.get_logger().error(words, throttle_duration_sec=3.0)
-        return not other
+        theirs = status.game_digest, status.experiment_digest, status.schedule_digest
+        ours = self._game.digest, self._experiment_digest, self._schedule_digest
+        if theirs == ours:
+            return True
+        other, found = ", ".join(what_is_other(theirs, ours)), self._inquiry.words(*self._node_of(learner))
+        words = f"{learner} has {other}; start both with the same experiment file and run. {found}"
+        self.get_logger().error(words, throttle_duration_sec=3.0)
+        return False
 
     def _node_of(self, learner: str) -> tuple[str, str]:
         """Namespace and name of the node that learns in a learner's place, or is it."""
-        return (self._value("baseline"), "baseline") if self._value("baseline") else (learner, "learner")
+        return (self._baseline, "baseline") if self._baseline else (learner, "learner")
 
     def _play(self) -> None:
-        """Send what is due and permitted, then set the timer to the next due time."""
+        """Send what is due and permitted, then set the alarm to the next due time."""
         now = time.monotonic()
         for learner, iteration in islice(self.playback.due(now), BATCH):
             self._publish(learner, iteration)
@@ -222,7 +223,7 @@ class ExpertPlayerNode(NetworkNode):
         self.control.look()
         if self.playback.finished and not self.done and not self._value("stay"):
             self._end()
-        self._set_timer(now)
+        self._set_alarm(now)
 
     def _end(self) -> None:
         """Everything is played; what is under way to listeners may be waited for."""
@@ -234,11 +235,8 @@ class ExpertPlayerNode(NetworkNode):
         self.done = True
         self._publish_standing()
 
-    def _set_timer(self, now: float) -> None:
-        """Wake up when the next demonstration is due; long after where only a learner's status can open a stream.
-
-        The timer is never cancelled: an executor that has just found it ready would fail to call it.
-        """
+    def _set_alarm(self, now: float) -> None:
+        """Wake up when the next demonstration is due; long after where only a learner's status can open a stream."""
         wait = self.playback.next_wait(now)
         pause = wait.seconds if wait else IDLE
         if self.playback.owed:
@@ -248,8 +246,8 @@ class ExpertPlayerNode(NetworkNode):
                 self._ahead[name].fill(stream.sent, stream.total)
         if wait and wait.seconds > LONG_WAIT:
             self._report_long_wait(wait.learner, wait.seconds)
-        self._timer.timer_period_ns = max(1, int(min(pause, IDLE) * NANOSECONDS))
-        self._timer.reset()
+        self.gather = GATHERING if wait is None and self.playback.supplied else 0.0
+        self._alarm.set(now, pause)
 
     def _report_long_wait(self, learner: str, pause: float) -> None:
         """Once for each gap: a night in the recording looks like a player that hangs."""
@@ -264,7 +262,7 @@ class ExpertPlayerNode(NetworkNode):
 
     def _publish(self, learner: str, iteration: int) -> None:
         message = self._ahead[learner].take(iteration)
-        message.experiment_digest = played_to(self._experiment_digest, self._value("bag_digest"))
+        message.experiment_digest = self._origin
         self._publishers_by_learner[learner].publish(message)
 
     def _report_holding_back(self, learner: str, stream: Stream) -> None:

@@ -1,25 +1,30 @@
 """Whether a learner belongs to the network that is played to, and what it says contradicts, in words."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 from mabirds_core.digest import arithmetic_differs
 from mabirds_core.texts import truncate
 
+Digests = tuple[str, str, str]
+"""Of game, experiment and schedule."""
 
-def what_is_other(digests: Mapping[str, tuple[str, str]]) -> Iterator[str]:
+
+def what_is_other(learners: Digests, here: Digests) -> Iterator[str]:
     """What a learner has otherwise.
 
     Parameters
     ----------
-    digests : Mapping[str, tuple[str, str]]
-        By what they are of: the learner's and ours.
+    learners : Digests
+        The learner's.
+    here : Digests
+        Ours.
 
     Yields
     ------
     str
         In words, for each that differs.
     """
-    for name, (theirs, ours) in digests.items():
+    for name, theirs, ours in zip(("game", "experiment", "schedule"), learners, here, strict=True):
         if theirs != ours:
             what = arithmetic_differs(theirs, ours)
             yield f"another {name}: {what or f'digest {truncate(theirs)}, here {ours}'}"

@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from itertools import pairwise
+from math import inf
 
 
 @dataclass
@@ -43,6 +43,11 @@ class Stream:
     def held_back(self) -> bool:
         """Is there something to send that the learner is not ready to take?"""
         return self.ready and self.sent < self.total and self.sent >= self.acknowledged + self.max_in_flight
+
+    @property
+    def supplied(self) -> bool:
+        """Has the learner half of what it may have before it, or everything?"""
+        return self.ready and (self.sent >= self.total or 2 * (self.sent - self.acknowledged) >= self.max_in_flight)
 
     @property
     def open(self) -> bool:
@@ -160,6 +165,8 @@ class AckFilter:
     patience: float
     suspect_since: float | None = None
     _heard: deque[tuple[float, int]] = field(default_factory=deque)
+    _fell_from: float = -inf
+    """When what was said last before it fell was said."""
 
     def accepted(self, learned: int, sent: int, now: float) -> int | None:
         """How much of what a learner says counts.
@@ -178,17 +185,19 @@ class AckFilter:
         int or None
             What counts now; None: nothing does yet.
         """
+        if self._heard and learned < self._heard[-1][1]:
+            self._fell_from = self._heard[-1][0]
         self._heard.append((now, learned))
         while now - self._heard[0][0] > self.patience:
             self._heard.popleft()
-        lately = [number for _, number in self._heard]
         if learned <= sent:
             self.suspect_since = None
         elif self.suspect_since is None:
             self.suspect_since = now
         if self.suspect_since is not None and now - self.suspect_since < self.patience:
-            return min((number for number in lately if number <= sent), default=None)
-        return min(lately) if any(later < before for before, later in pairwise(lately)) else learned
+            return min((number for _, number in self._heard if number <= sent), default=None)
+        fell = now - self._fell_from <= self.patience
+        return min(number for _, number in self._heard) if fell else learned
 
 
 JITTER_TOLERANCE = 0.05

@@ -62,6 +62,14 @@ class BaselineSession(SessionState):
         """Can the next update be made?"""
         return not (self.finished or self.waiting_for())
 
+    @property
+    def can_prepare(self) -> bool:
+        """No: all of an update needs all demonstrations."""
+        return False
+
+    def prepare(self) -> None:
+        """Nothing."""
+
     def receive_demonstration(self, stream: str, iteration: int, trajectory: Trajectories) -> None:
         """Keep a demonstration.
 

@@ -13,12 +13,12 @@ from contextlib import AbstractContextManager, closing, suppress
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
-import numpy as np
-from safetensors.numpy import load, save
+from safetensors.numpy import load
 
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Array, Vector
 from mabirds_core.errors import CheckpointError
+from mabirds_learner.array_writer import ArrayWriter
 from mabirds_learner.journal import COMPLETE, Found, Journal, read_journal, synchronise_directory
 from mabirds_learner.parameters_log import SUFFIX, ParametersLog, VectorLog
 from mabirds_learner.records import HEADER, Buffer, Record, words_of
@@ -94,7 +94,7 @@ class CheckpointStore:
     """
 
     def __init__(self, directory: Path, metadata: CheckpointMetadata, like: Parameters, keep: int) -> None:
-        self.directory, self._whose, self._keep = directory, metadata, keep
+        self.directory, self._whose, self._keep, self._writer = directory, metadata, keep, ArrayWriter()
         self.refused: list[str] = []
         try:
             directory.mkdir(parents=True, exist_ok=True)
@@ -160,7 +160,7 @@ class CheckpointStore:
         CheckpointError
             It cannot be written; nothing is changed.
         """
-        content = save({name: np.ascontiguousarray(values) for name, values in arrays.items()})
+        content = self._writer.write(arrays)
         try:
             if not self._journal.has_room(len(content)):
                 self.parameters.synchronise()

@@ -13,6 +13,7 @@ from mabirds_msgs.msg import Constraints, Demonstration
 from mabirds_msgs.srv import FetchParameters
 from rclpy.executors import ExternalShutdownException
 
+from mabirds_core.algorithm.learner import Learner
 from mabirds_core.consensus.push_sum_mixer import ResilientMixing
 from mabirds_core.errors import CheckpointError, RefusedMessageError
 from mabirds_core.experiment.assembly import build_learner
@@ -24,14 +25,11 @@ from mabirds_learner.lookout import Lookout, Sight
 from mabirds_learner.member import Limits
 from mabirds_learner.outlet import NodeOutlet
 from mabirds_learner.progress_node import ProgressNode
-from mabirds_learner.push_sum_exchange import PushSumExchange
-from mabirds_learner.push_sum_member import PushSumMember
 from mabirds_learner.strict_exchange import StrictExchange
 from mabirds_learner.strict_member import StrictMember, default_history
 from mabirds_msgs_py import topics
 from mabirds_msgs_py.constraints_conversion import constraints_message, constraints_text
 from mabirds_msgs_py.conversion import read_demonstration
-from mabirds_msgs_py.declaration_key import read_key
 from mabirds_msgs_py.demonstration_origin import bag_of, network_of
 from mabirds_msgs_py.environment import prepare_environment
 from mabirds_msgs_py.node_main import run_node
@@ -108,13 +106,19 @@ class LearnerNode(ProgressNode):
         outlet = NodeOutlet(self, self.presence, self.parameter_history)
         here = (identity, outlet, self.go_on)
         if isinstance(mixing, ResilientMixing):
-            member = PushSumMember(learner, self._limits, late_joiner=self.get_param("late_joiner"))
-            resilient = LearnerSession(member)
-            file = self.get_param("declaration_key")
-            key, patience = read_key(Path(file)) if file else b"", mixing.patience
-            return resilient, PushSumExchange(resilient, *here, patience=patience, save=self.save, key=key)
+            return self._resilient(learner, mixing.patience, *here)
         strict = LearnerSession(StrictMember(learner, self._limits))
         return strict, StrictExchange(strict, *here)
+
+    def _resilient(self, learner: Learner, patience: float, *here: Any) -> tuple[LearnerSession, Exchange]:
+        from mabirds_learner.push_sum_exchange import PushSumExchange  # all of it where it is asked for alone
+        from mabirds_learner.push_sum_member import PushSumMember
+        from mabirds_msgs_py.declaration_key import read_key
+
+        resilient = LearnerSession(PushSumMember(learner, self._limits, late_joiner=self.get_param("late_joiner")))
+        file = self.get_param("declaration_key")
+        key = read_key(Path(file)) if file else b""
+        return resilient, PushSumExchange(resilient, *here, patience=patience, save=self.save, key=key)
 
     @property
     def _limits(self) -> Limits:

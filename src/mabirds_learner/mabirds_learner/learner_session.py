@@ -3,9 +3,9 @@
 How it mixes with its neighbours, and whom it waits for, is its member's: strict_member or push_sum_member.
 """
 
-import logging
-from collections.abc import Mapping
-from typing import Generic, TypeVar
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, Generic, TypeVar, cast
 
 import numpy as np
 
@@ -16,11 +16,10 @@ from mabirds_core.arrays import Array, Vector
 from mabirds_core.digest import arrays_digest
 from mabirds_core.errors import CheckpointError, RefusedMessageError
 from mabirds_core.games.interface import Trajectories
-from mabirds_core.metrics.metrics import norms
-from mabirds_core.planners.interface import Policy
 from mabirds_learner.checkpoint import Checkpoints
 from mabirds_learner.inbox import check_iteration
 from mabirds_learner.member import Member, indices_of, names_at
+from mabirds_learner.preparation import Preparation, prepare
 from mabirds_learner.progress import SessionState
 
 DEMONSTRATION = "demonstration"
@@ -37,18 +36,6 @@ BAG = "bag_sha256"
 OTHER_BAG = "other_bag"
 """Reason for which demonstrations are refused: they are from another bag, or the last learned one came with other
 content."""
-
-LIKELIHOOD = "held_out_log_likelihood"
-"""Name of the metric, in nats, of the demonstration that an update is about to learn from."""
-
-CERTIFICATE = "certificate"
-"""Name of the metric, in nats, that says by how much the planner missed its own problem."""
-
-GAP = "gap"
-"""Name of the metric, in nats, that says how far a searched policy is from the one that was looked for."""
-
-MOST_NATS = 0.1
-"""Of a certificate; beyond that the problem is not solved."""
 
 AMember = TypeVar("AMember", bound=Member)
 
@@ -69,8 +56,10 @@ class LearnerSession(SessionState, Generic[AMember]):
         self.mixed_from: list[str] = []
         self._learners = member.learner.mixer.schedule.learners
         self._demonstrations: dict[int, Trajectories] = {}
-        self._shown: dict[int, Array] = {}
+        self._shown: dict[int, Callable[[], Array]] = {}
+        """Digest of the newest demonstration that was learned, which is seldom asked for."""
         self._of_other_bag, self._bag = False, ""
+        self._preparation: Preparation | None = None
         self._own: dict[int, Parameters] = {self.iteration: self.parameters}
         member.on_join = self._on_join
 
@@ -90,9 +79,14 @@ class LearnerSession(SessionState, Generic[AMember]):
         return self.member.epoch
 
     @property
+    def iteration(self) -> int:
+        """n: theta(n), omega(n) are the current estimates."""
+        return self.member.state.iteration
+
+    @property
     def finished(self) -> bool:
         """Are all updates made, or has this learner departed?"""
-        return super().finished or self.member.departed
+        return self.member.state.iteration > self.last or self.member.departed
 
     @property
     def backlog(self) -> int:
@@ -107,7 +101,8 @@ class LearnerSession(SessionState, Generic[AMember]):
     @property
     def missing_demonstration(self) -> bool:
         """Is zeta(n) still to come?"""
-        return self.iteration <= self.limits.iterations and self.iteration not in self._demonstrations
+        n = self.member.state.iteration
+        return n <= self.limits.iterations and n not in self._demonstrations
 
     def missing_neighbours(self) -> list[str]:
         """In-neighbours of E(n) that the update n waits for."""
@@ -120,7 +115,7 @@ class LearnerSession(SessionState, Generic[AMember]):
     @property
     def ready(self) -> bool:
         """Can the next update be made?"""
-        return not (self.finished or self.waiting_for())
+        return not (self.missing_demonstration or self.finished or self.member.missing())
 
     def receive_demonstration(self, iteration: int, trajectory: Trajectories, bag: str = "") -> None:
         """Keep a demonstration.
@@ -141,7 +136,7 @@ class LearnerSession(SessionState, Generic[AMember]):
         """
         self._require_bag(bag)
         if iteration in self._shown:
-            self._of_other_bag = bool((self._shown[iteration] != _digest(trajectory)).any())
+            self._of_other_bag = bool((self._shown[iteration]() != _digest(trajectory)).any())
         if self._of_other_bag:
             raise RefusedMessageError(
                 OTHER_BAG,
@@ -162,29 +157,44 @@ class LearnerSession(SessionState, Generic[AMember]):
                 " first bag back or start another run",
             )
 
+    @property
+    def can_prepare(self) -> bool:
+        """Can the part of update n that needs nobody else be made, and is it not made yet?"""
+        return not (self._is_prepared or self.finished or self.iteration > self.limits.iterations) and (
+            self.iteration in self._demonstrations
+        )
+
+    @property
+    def _is_prepared(self) -> bool:
+        """A learner that enters another epoch of a network has another state."""
+        return self._preparation is not None and self._preparation.state is self.state
+
+    def prepare(self) -> None:
+        """Make steps 1 to 3 of update n, only when ``can_prepare``: neighbours' messages may be under way."""
+        self._preparation = None  # two policies at once would be most of the memory
+        self._preparation = prepare(self.learner, self.state, self._demonstrations[self.iteration])
+
     def step(self) -> dict[str, float]:
         """Make update n, only when ``ready``; returns the norms of its gradients and what its member shows."""
         n, incoming, metrics = self.iteration, self.member.incoming(), dict[str, float]()
         if n > self.limits.iterations:
             self.member.state = self.learner.consensus_step(self.state, incoming)
         else:
-            result = self.learner.step(self.state, self._demonstrations[n], incoming)
-            self.member.state = result.state
-            self._shown = {n: _digest(self._demonstrations[n])}
-            metrics = {f"gradient_{name}": value for name, value in norms(result.gradient).items()}
-            metrics |= self._likelihood(result.estimate.policy, self._demonstrations[n])
-            metrics |= self._certificate(result.estimate.policy)
-            metrics |= self._gap(result.estimate.policy)
+            metrics = self._mix(incoming)
+            self._shown = {n: partial(_digest, self._demonstrations[n])}
         self.mixed_from = list(incoming)
         self.member.close_iteration(n)
         self._close_iteration(n)
         return {**metrics, **self.member.metrics()}
 
-    def _likelihood(self, policy: Policy, demonstration: Trajectories) -> dict[str, float]:
-        """log p(zeta(n)) under the policy of iteration n, which had not seen it; nothing where the game cannot say."""
-        judge = getattr(self.learner.game, "judge", None)
-        nats = None if judge is None else judge.log_likelihoods(policy, demonstration)
-        return {} if nats is None or not np.isfinite(nats).all() else {LIKELIHOOD: float(nats.mean())}
+    def _mix(self, incoming: Mapping[str, Any]) -> dict[str, float]:
+        """Step 4 of update n, behind what is prepared; returns what the whole of it showed."""
+        if self.can_prepare:
+            self.prepare()
+        _, local, metrics = cast("Preparation", self._preparation)
+        self.member.state = self.learner.mixed(self.state, local, incoming).state
+        self._preparation = None
+        return metrics
 
     def constraint_confidences(self) -> Vector | None:
         """Confidence that each cost feature is a constraint, by what was demonstrated until now, shape (K,).
@@ -197,33 +207,16 @@ class LearnerSession(SessionState, Generic[AMember]):
         confidences: Vector | None = judge.constraint_confidences(self.learner.estimator.reward, self.parameters, shown)
         return confidences
 
-    def _certificate(self, policy: Policy) -> dict[str, float]:
-        """By how much the planner's value is missed by its own policy [nats]; nothing where the game has none."""
-        judge = getattr(self.learner.game, "judge", None)
-        nats = None if judge is None else judge.certificate(policy, self.learner.seed)
-        if nats is not None and nats > MOST_NATS:
-            logging.getLogger(__name__).warning(
-                "iteration %d: the planner's value is %.3g nats from what its policy earns, expected at most %g: costs"
-                " or rewards are too large for it; take a higher algorithm.policy.temperature",
-                *(self.iteration - 1, nats, MOST_NATS),
-            )
-        return {} if nats is None else {CERTIFICATE: nats}
-
-    def _gap(self, policy: Policy) -> dict[str, float]:
-        """By how much what the policy earns lies below what it should [nats]; nothing of planners that are exact."""
-        gap = getattr(policy, "gap", None)
-        nats = None if gap is None else gap(self.learner.seed)
-        return {} if nats is None else {GAP: float(nats)}
-
     def _on_join(self) -> None:
         """What others learned before this learner joined is not its to learn."""
         self._shown = {}
+        for passed in [n for n in self._demonstrations if n < self.iteration]:
+            del self._demonstrations[passed]
         self._close_iteration(self.iteration - 1)
 
     def _close_iteration(self, iteration: int) -> None:
         """Drop what served an update, and own parameters that nobody can ask for any more."""
-        for learned in [n for n in self._demonstrations if n <= iteration]:
-            del self._demonstrations[learned]
+        self._demonstrations.pop(iteration, None)
         self._own[self.iteration] = self.parameters
         self._own.pop(self.iteration - self.limits.parameter_history, None)
 
@@ -231,7 +224,7 @@ class LearnerSession(SessionState, Generic[AMember]):
         """What a checkpoint must hold to go on from here."""
         mixed_from = {MIXED_FROM: indices_of(self._learners, self.mixed_from)}
         last = self._shown.get(self.iteration - 1)
-        shown = {} if last is None else {SHOWN: last}
+        shown = {} if last is None else {SHOWN: last()}
         bag = {BAG: _bytes(self._bag)} if self._bag else {}
         return {**to_arrays(self.learner, self.state), **self.member.arrays(), **mixed_from, **shown, **bag}
 
@@ -252,7 +245,8 @@ class LearnerSession(SessionState, Generic[AMember]):
         newest = max(complete)
         self.member.restore(newest, checkpoints[newest])
         self.mixed_from = names_at(self._learners, checkpoints[newest][MIXED_FROM])
-        self._shown = {newest - 1: checkpoints[newest][SHOWN]} if SHOWN in checkpoints[newest] else {}
+        shown = checkpoints[newest].get(SHOWN)
+        self._shown = {} if shown is None else {newest - 1: lambda: shown}
         self._bag = checkpoints[newest][BAG].tobytes().hex() if BAG in checkpoints[newest] else ""
 
     @property

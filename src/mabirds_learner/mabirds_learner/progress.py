@@ -1,11 +1,13 @@
 """What a node drives: the part of a learner or central method that knows no ROS."""
 
 from abc import ABC, abstractmethod
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from mabirds_core.algorithm.learner import LearnerState
 from mabirds_core.algorithm.parameters import Parameters
-from mabirds_core.baselines.interface import CentralState
+
+if TYPE_CHECKING:
+    from mabirds_core.baselines.interface import CentralState
 
 
 class Session(Protocol):
@@ -53,6 +55,15 @@ class Session(Protocol):
         """Can the next update be made?"""
         ...
 
+    @property
+    def can_prepare(self) -> bool:
+        """Can the part of the next update that needs nobody else be made?"""
+        ...
+
+    def prepare(self) -> None:
+        """Make that part, only when ``can_prepare``."""
+        ...
+
     def waiting_for(self) -> list[str]:
         """Names of what is missing for the next update."""
         ...
@@ -75,7 +86,7 @@ class SessionState(ABC):
 
     @property
     @abstractmethod
-    def state(self) -> LearnerState | CentralState:
+    def state(self) -> "LearnerState | CentralState":
         """The state before update n."""
 
     @property

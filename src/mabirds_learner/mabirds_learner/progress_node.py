@@ -1,6 +1,7 @@
 """What learner and baseline nodes share: one update after the other, each published with where the node stands."""
 
 import time
+from array import array
 from collections import Counter
 from functools import partial
 from typing import Any
@@ -19,7 +20,7 @@ from mabirds_core.metrics.metrics import norms
 from mabirds_learner.diagnostics import HARMLESS, learning_diagnostic
 from mabirds_learner.progress import Session
 from mabirds_msgs_py import diagnostics, topics
-from mabirds_msgs_py.conversion import parameters_message, schedule_message, time_message
+from mabirds_msgs_py.conversion import floats, parameters_message, schedule_message, time_message
 from mabirds_msgs_py.feature_names_conversion import feature_names_message
 from mabirds_msgs_py.network_node import NetworkNode
 from mabirds_msgs_py.qos import STATUS_QOS, announced, latched
@@ -75,7 +76,8 @@ class ProgressNode(NetworkNode):
         declare_settings(self, settings_lines(self.experiment, run))
         self.service_name = partial(topics.of_run, run=run, digest=self.experiment_digest, secured=secured)
         self._drops: Counter[str] = Counter()
-        self._event, self._told_at, self._update_seconds = "", 0.0, QUIET
+        self._event, self._told_at = "", 0.0
+        self._update_seconds, self._prepare_seconds = QUIET, 0.0
 
     def get_param(self, name: str) -> Any:
         """The value of a ROS parameter."""
@@ -93,6 +95,13 @@ class ProgressNode(NetworkNode):
         """
         self.game = game
         self._metrics = norms(self.session.parameters)
+        self._status = LearnerStatus(
+            learner=self.learner_name,
+            game_digest=game.digest,
+            experiment_digest=self.experiment_digest,
+            schedule_digest=self.schedule.digest,
+        )
+        self._outgoing = self.parameters_message(self.session.iteration, self.session.parameters)
         self._parameter_publisher = self.create_publisher(ParametersMessage, topics.PARAMETERS, announced(history))
         # Deeper, so that a recorder gets every status; readers that want the newest only ask for a depth of 1.
         depth = STATUSES_AN_ITERATION * history
@@ -170,20 +179,29 @@ class ProgressNode(NetworkNode):
             self.get_logger().warning(words)
 
     def go_on(self) -> None:
-        """Something has arrived: make the updates for which everything is there, and tell of it."""
-        begun = time.monotonic()
-        if begun - self._told_at >= QUIET or (self.session.ready and self._update_seconds >= QUIET):
+        """Something has arrived: make the updates for which everything is there, and tell of it.
+
+        Of the next one the part that needs nobody else follows at once, while what neighbours send is under way.
+        """
+        begun, session = time.monotonic(), self.session
+        if begun - self._told_at >= QUIET or (self._update_seconds >= QUIET and (session.ready or session.can_prepare)):
             self.publish_status()
-        while self.session.ready:
+        while session.ready or session.can_prepare:
             if time.monotonic() - begun > TURN:
                 self._next.trigger()
                 return
-            self._update()
+            (self._update if session.ready else self._prepare)()
+
+    def _prepare(self) -> None:
+        start = time.perf_counter()
+        self.session.prepare()
+        self._prepare_seconds = time.perf_counter() - start
 
     def _update(self) -> None:
         start = time.perf_counter()
         metrics = self.session.step()
-        self._update_seconds = time.perf_counter() - start
+        self._update_seconds = self._prepare_seconds + time.perf_counter() - start
+        self._prepare_seconds = 0.0
         self._metrics = {"iteration_seconds": self._update_seconds, **norms(self.session.parameters), **metrics}
         self.save()
         self.publish_update()
@@ -203,7 +221,7 @@ class ProgressNode(NetworkNode):
         self.publish_parameters(self.session.iteration, self.session.parameters)
 
     def _now(self) -> int:
-        return self.get_clock().now().nanoseconds
+        return time.time_ns()  # as the node's clock, which use_sim_time cannot change here, but ten times as fast
 
     def stamp(self) -> Time:
         """The present time for a message."""
@@ -238,31 +256,22 @@ class ProgressNode(NetworkNode):
         parameters : Parameters
             theta(n), omega(n).
         """
-        self._parameter_publisher.publish(self.parameters_message(iteration, parameters))
+        message = self._outgoing  # to fill it takes half as long as to make another
+        message.stamp, message.iteration = self.stamp(), iteration
+        message.theta, message.omega = floats(parameters.theta), floats(parameters.omega)
+        self._parameter_publisher.publish(message)
 
     def publish_status(self) -> None:
         """Tell where this node stands."""
-        session, self._told_at = self.session, time.monotonic()
-        message = LearnerStatus(
-            learner=self.learner_name,
-            game_digest=self.game.digest,
-            experiment_digest=self.experiment_digest,
-            schedule_digest=self.schedule.digest,
-            state=self._state(),
-            epoch=session.epoch,
-            iteration=session.iteration,
-            last_demonstration=min(session.iteration - 1, self.experiment.iterations),
-            backlog=session.backlog,
-            waiting_for=session.waiting_for(),
-            mixed_from=session.mixed_from,
-            metric_names=list(self._metrics),
-            metric_values=list(self._metrics.values()),
-            drop_reasons=list(self._drops),
-            drop_counts=list(self._drops.values()),
-            message=self._event,
-        )
-        message.stamp = self.stamp()
-        self._status_publisher.publish(message)
+        session, status, self._told_at = self.session, self._status, time.monotonic()
+        iteration, waiting_for = session.iteration, session.waiting_for()
+        status.state, status.epoch, status.iteration = self._state(waiting_for), session.epoch, iteration
+        status.last_demonstration = min(iteration - 1, self.experiment.iterations)
+        status.backlog, status.waiting_for, status.mixed_from = session.backlog, waiting_for, session.mixed_from
+        status.metric_names, status.metric_values = list(self._metrics), array("d", self._metrics.values())
+        status.drop_reasons, status.drop_counts = list(self._drops), array("I", self._drops.values())
+        status.message, status.stamp = self._event, self.stamp()
+        self._status_publisher.publish(status)
 
     def _publish_diagnostics(self) -> None:
         """Once a second: where this node stands, and a warning where it stands still."""
@@ -272,9 +281,9 @@ class ProgressNode(NetworkNode):
         )
         self._diagnostics_publisher.publish(message)
 
-    def _state(self) -> int:
+    def _state(self, waiting_for: list[str]) -> int:
         if self.session.finished:
             return LearnerStatus.FINISHED
         if self.session.missing_demonstration:
             return LearnerStatus.WAITING_FOR_DEMONSTRATION
-        return LearnerStatus.WAITING_FOR_NEIGHBOURS if self.session.waiting_for() else LearnerStatus.LEARNING
+        return LearnerStatus.WAITING_FOR_NEIGHBOURS if waiting_for else LearnerStatus.LEARNING

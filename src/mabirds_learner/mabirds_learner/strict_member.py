@@ -42,7 +42,6 @@ class StrictMember:
         self.state = learner.initial_state()
         self.on_join: Callable[[], None] = nothing
         self._parameters: defaultdict[str, dict[int, Parameters]] = defaultdict(dict)
-        self._senders: tuple[int, list[str]] = (0, [])
         self._require_history()
 
     def _require_history(self) -> None:
@@ -64,10 +63,8 @@ class StrictMember:
         return [name for name in self._scheduled(n) if n not in self._parameters[name]]
 
     def _scheduled(self, iteration: int) -> list[str]:
-        if iteration != self._senders[0]:
-            mixer = self.learner.mixer
-            self._senders = iteration, mixer.schedule.senders_to(mixer.name, iteration)
-        return self._senders[1]
+        mixer = self.learner.mixer
+        return mixer.schedule.senders_to(mixer.name, iteration)
 
     def receive_parameters(self, sender: str, iteration: int, parameters: Parameters) -> None:
         """Keep parameters of an iteration at which the sender's edge is open; others are of no use.

@@ -127,7 +127,9 @@ class DemonstrationBag:
         BagError
             It is no trajectory of the game.
         """
-        return self._checked(learner, iteration)[0]
+        if iteration > CHECKED_AT_ONCE:
+            return self._checked(learner, iteration)[0]
+        return self._read(learner, iteration)[0]
 
     def trajectories(self, learner: str) -> Iterator[Trajectories]:
         """All demonstrations of one learner, in order."""
@@ -135,9 +137,7 @@ class DemonstrationBag:
             yield self._checked(learner, iteration)[1]
 
     def _checked(self, learner: str, iteration: int) -> tuple[Demonstration, Trajectories]:
-        spool, index = self._spools[learner], iteration - 1
-        where = self._where(learner, spool.place(index).file, iteration)
-        message = _deserialized(spool.data(index), where)
+        message, where = self._read(learner, iteration)
         try:
             # A bag recorded from the network names the experiment that was played then; any may learn from it.
             return message, read_demonstration(
@@ -145,6 +145,12 @@ class DemonstrationBag:
             )
         except RefusedMessageError as error:
             raise BagError(f"{where}: {error}") from None
+
+    def _read(self, learner: str, iteration: int) -> tuple[Demonstration, str]:
+        """A demonstration, and where it is from."""
+        spool, index = self._spools[learner], iteration - 1
+        where = self._where(learner, spool.place(index).file, iteration)
+        return _deserialized(spool.data(index), where), where
 
     def _where(self, learner: str, file: int, iteration: int) -> str:
         return f"{self._files[file]}: topic {bag_topic(learner)}: iteration {iteration}"

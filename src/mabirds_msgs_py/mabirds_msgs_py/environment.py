@@ -3,7 +3,10 @@
 import os
 import sys
 from collections.abc import MutableMapping
+from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 FASTDDS_PROFILE = Path(__file__).with_name("fastdds_profile.xml")
 """How Fast DDS sends; docs/hosts.md explains it."""
@@ -13,6 +16,8 @@ ONE_HOST_PROFILE = Path(__file__).with_name("fastdds_one_host_profile.xml")
 
 LOOPBACK_PROFILE = Path(__file__).with_name("fastdds_loopback_profile.xml")
 """The same again, but to and from this host only."""
+
+GENERATOR = "rosidl_generator_py.generate_py_impl"
 
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 
@@ -44,6 +49,23 @@ def prepare_environment(environment: MutableMapping[str, str] = os.environ) -> N
             environment[RANGE] = "SUBNET"
     environment.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
     environment.setdefault("HOME", str(Path.cwd()))
+
+
+def load_type_support_alone() -> None:
+    """Keep what generates messages' code out of a process that only uses it: a parser of grammars, and much else.
+
+    ``rosidl_generator_py`` is loaded with the first message for one function, and brings its generator along if it can.
+    The generator's own module can still be loaded.
+    """
+    if GENERATOR.partition(".")[0] in sys.modules:
+        return
+    modules: dict[str, Any] = sys.modules
+    modules[GENERATOR] = None  # by which Python says: cannot be imported
+    try:
+        with suppress(ImportError):
+            import_module(GENERATOR.partition(".")[0])
+    finally:
+        del modules[GENERATOR]
 
 
 def send_to_this_host(environment: MutableMapping[str, str] = os.environ) -> None:

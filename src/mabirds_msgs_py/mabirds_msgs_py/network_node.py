@@ -1,6 +1,5 @@
 """What all nodes of a network share: timers that no clock stops, and parameters that are never silently ignored."""
 
-import difflib
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -130,6 +129,8 @@ def require_known_parameters(node: Node) -> None:
     for name in node._parameter_overrides:  # noqa: SLF001 - rclpy tells nobody what was given
         if name in declared or name.startswith(OF_ROS):
             continue
+        import difflib  # for the message alone
+
         nearest = difflib.get_close_matches(name, declared, n=1)
         hint = f"did you mean {nearest[0]}?" if nearest else f"it has {', '.join(sorted(declared))}"
         raise NodeParameterError(f"{name}: {node.get_name()} has no parameter of this name; {hint}")

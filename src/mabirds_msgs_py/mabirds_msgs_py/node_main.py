@@ -2,6 +2,7 @@
 
 import os
 import sys
+import time
 from collections.abc import Callable, Sequence
 
 import rclpy
@@ -13,6 +14,8 @@ from rclpy.node import Node
 from mabirds_core.errors import MabirdsError
 from mabirds_msgs_py.addresses import AddressWatch
 from mabirds_msgs_py.clock_watch import SetBack, waking
+from mabirds_msgs_py.early import without_collection
+from mabirds_msgs_py.environment import load_type_support_alone
 from mabirds_msgs_py.message_loop import MessageLoop
 from mabirds_msgs_py.network_node import require_known_parameters
 from mabirds_msgs_py.security import start_ros
@@ -32,6 +35,8 @@ IDLE_WAKE_UP = 1.0
 
 def run_node(create: Callable[[], Node], help_text: str, arguments: Sequence[str] | None = None) -> int:
     """Create one node and spin it until SIGINT, SIGTERM or its attribute ``done``.
+
+    For the seconds of its attribute ``gather``, if it has any, it lets messages gather before it takes them.
 
     Bad input, and security that was asked for and is not enforced, is one line on standard error, never a traceback.
 
@@ -54,6 +59,7 @@ def run_node(create: Callable[[], Node], help_text: str, arguments: Sequence[str
         print(help_text)  # noqa: T201 - what --help is for
         return EXIT_FINISHED
     end_with_supervisor()
+    load_type_support_alone()
     addresses, clock = AddressWatch(), SetBack()  # before the participant is made, which keeps to both
     try:
         start_ros(given)
@@ -61,7 +67,7 @@ def run_node(create: Callable[[], Node], help_text: str, arguments: Sequence[str
         return _refuse(error)
     try:
         executor = SingleThreadedExecutor()  # before the node is seen: whoever sees it may end this process
-        with addresses.while_made():
+        with addresses.while_made(), without_collection():
             node = create()
         require_known_parameters(node)
         loop = MessageLoop(node, executor)
@@ -86,6 +92,8 @@ def _spin(node: Node, loop: MessageLoop, addresses: AddressWatch) -> bool:
     """Until it is done, True; or until it must be started again since the host has other addresses, False."""
     told = False
     while rclpy.ok() and not getattr(node, "done", False):
+        if pause := getattr(node, "gather", 0.0):  # what it lets messages gather for
+            time.sleep(pause)
         loop.spin_once(timeout_sec=IDLE_WAKE_UP)
         if not told and (words := addresses.changed()):
             if SUPERVISOR in os.environ:

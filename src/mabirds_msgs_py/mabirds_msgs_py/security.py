@@ -5,14 +5,11 @@ a middleware that was built without it. So the settings are checked here, and th
 permissions allow: only one that enforces them refuses.
 """
 
-import difflib
-import email
 import os
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree as ET
 
 import rclpy
 from rcl_interfaces.msg import ParameterEvent
@@ -176,6 +173,8 @@ def require_known_names(environment: Mapping[str, str]) -> None:
     known = (ENABLE, STRATEGY, KEYSTORE, OVERRIDE)
     for name in environment:
         if name.upper().startswith(PREFIX) and name not in known:
+            import difflib  # for the message alone
+
             tails = [option.removeprefix(PREFIX) for option in known]
             nearest = difflib.get_close_matches(name.upper().removeprefix(PREFIX), tails, n=1)
             hint = f"; {PREFIX}{nearest[0]} is meant, or unset it" if nearest else f"; ROS knows {', '.join(known)}"
@@ -248,6 +247,9 @@ def check_governance(file: Path) -> None:
     SecurityError
         A rule does, or the file is no governance file.
     """
+    import email  # where security is on alone
+    from xml.etree import ElementTree as ET
+
     message = email.message_from_bytes(file.read_bytes())
     document = next((part for part in message.walk() if part.get_content_type() == "text/plain"), message)
     try:
