@@ -4,7 +4,8 @@ FOLDER = "mabirds_core/kernels"
 KERNELS = Extension(
     "mabirds_core.kernels.library",
     sources=[
-        f"{FOLDER}/{name}.c" for name in ("module", "arrays", "factored_backward", "factored_forward", "coupling")
+        f"{FOLDER}/{name}.c"
+        for name in ("module", "arrays", "factored_backward", "factored_forward", "factored_likelihood", "coupling")
     ],
     depends=[f"{FOLDER}/{name}.h" for name in ("kernels", "fixed", "fixed32", "factored")],
     # The same bits everywhere: no fused multiplications, nothing that only this machine's processor can do.

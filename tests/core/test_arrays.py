@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mabirds_core.arrays import digits, weighted_counts
+from mabirds_core.arrays import digits, undigits, weighted_counts
 
 
 @given(st.lists(st.tuples(st.integers(0, 5), st.floats(-1e6, 1e6))), st.integers(6, 9))
@@ -33,6 +33,7 @@ def test_digits_are_those_of_the_number(base: int, count: int, seed: int) -> Non
     assert [sum(int(d) * base ** (count - 1 - k) for k, d in enumerate(of_one)) for of_one in found.T] == list(numbers)
     assert found.min() >= 0
     assert found.max() < base
+    assert undigits(found, base).tolist() == numbers.tolist()
 
 
 def test_digits_of_a_long_column() -> None:

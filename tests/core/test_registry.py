@@ -19,10 +19,11 @@ from mabirds_core.registry import (
     GROUPS,
     Kind,
     build,
-    installed_points,
+    forget,
     kind_of,
     kinds,
     offers,
+    points_of,
     require,
     text_or_union,
     union,
@@ -45,11 +46,6 @@ SOUND = Kind(Sound, lambda settings, game, reward: None, form="tabular")
 NAMELESS = Kind(Settings, lambda settings: None)
 WORD = "no kind"
 """
-
-
-def forget() -> None:
-    for known in (installed_points, offers):
-        known.cache_clear()
 
 
 @pytest.fixture
@@ -108,6 +104,25 @@ def test_a_name_that_two_packages_bring_is_refused_with_both(install: Install) -
     install("rival_b", "sound", ":SOUND")
     with pytest.raises(ExperimentError, match="several packages bring it, .'rival_a', 'rival_b'.; uninstall all but"):
         require(PLANNERS, "sound")
+
+
+def test_of_a_package_in_two_places_the_first_counts(
+    install: Install, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As with an older version of the system's behind one of the user's."""
+    install("one_sound", "sound", ":SOUND")
+    newer = tmp_path / "first" / "one_sound-2.0.dist-info"
+    newer.mkdir(parents=True)
+    (newer / "METADATA").write_text("Metadata-Version: 2.1\nName: one-sound\nVersion: 2.0\n")
+    monkeypatch.syspath_prepend(str(newer.parent))
+    forget()
+    assert "sound" not in offers(PLANNERS)
+
+
+def test_a_kind_is_loaded_without_the_others_of_its_group(install: Install) -> None:
+    install("never_loaded", "sound", ":SOUND", "raise SystemExit('loaded')")
+    assert require(PLANNERS, "soft_value_iteration").form == "tabular"
+    assert "sound" in points_of(PLANNERS)
 
 
 def test_a_package_may_not_take_a_name_of_ours(install: Install) -> None:

@@ -7,7 +7,7 @@ in an order of its own, but one that no processor changes. Without compiled kern
 
 import ctypes
 from collections.abc import Callable
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -60,8 +60,9 @@ def power(base: float, exponent: float) -> float:
     return float(exp(exponent * log(np.array([base])))[0])
 
 
+@lru_cache(maxsize=16)
 def powers(base: float, count: int) -> Vector:
-    """1, base, base^2, ..., multiplied one after the other.
+    """1, base, base^2, ..., multiplied one after the other; kept, and so not to be written to.
 
     Parameters
     ----------
@@ -80,9 +81,11 @@ def powers(base: float, count: int) -> Vector:
     >>> powers(0.5, 4).tolist()
     [1.0, 0.5, 0.25, 0.125]
     """
-    factors = np.full(count, base)
+    factors = np.full(count, base, dtype=np.float64)
     factors[:1] = 1.0
-    return np.asarray(np.multiply.accumulate(factors))
+    multiplied: Vector = np.multiply.accumulate(factors)
+    multiplied.flags.writeable = False
+    return multiplied
 
 
 def product(a: Array, b: Array) -> Array:
@@ -134,6 +137,6 @@ def _applied(kernel: str, fallback: Callable[[Array], Array], x: Array) -> Array
         with np.errstate(divide="ignore"):  # log 0 = -inf is meant
             return fallback(x)
     values = np.ascontiguousarray(x, dtype=np.float64)
-    result = np.empty_like(values)
+    result = np.empty(values.shape)
     getattr(kernels, kernel)(pointer(values), pointer(result), ctypes.c_int64(values.size))
     return result.reshape(np.shape(x))

@@ -1,5 +1,7 @@
 """Names for the kinds of arrays, and the one operation on them that numpy does not type well."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -60,7 +62,37 @@ def digits(numbers: NDArray[np.integer], base: int, count: int) -> Indices:
     >>> digits(np.array([7, 2]), 3, 2).tolist()
     [[2, 0], [1, 2]]
     """
-    found, rest = np.empty((count, *np.shape(numbers)), dtype=np.int64), np.asarray(numbers)
-    for place in reversed(range(count)):
-        rest, found[place] = np.divmod(rest, base)
+    found, rest = np.empty((count, *numbers.shape), dtype=np.int64), numbers
+    for place in range(count - 1, 0, -1):
+        higher = rest // base
+        found[place] = rest - higher * base  # np.divmod takes thrice as long
+        rest = higher
+    found[0] = rest
     return found
+
+
+def undigits(found: Sequence[NDArray[np.integer]] | NDArray[np.integer], base: int) -> Indices:
+    """Inverse of ``digits``. (numpy's ravel_multi_index takes thrice as long for a few numbers.)
+
+    Parameters
+    ----------
+    found : Sequence[NDArray[np.integer]] or NDArray[np.integer]
+        Digits, the most significant first, of one shape.
+    base : int
+        Of the digits, each from 0 to ``base`` - 1.
+
+    Returns
+    -------
+    Indices
+        The numbers.
+
+    Examples
+    --------
+    >>> undigits(np.array([[2, 0], [1, 2]]), 3).tolist()
+    [7, 2]
+    """
+    numbers = np.array(found[0], dtype=np.int64)
+    for digit in found[1:]:
+        numbers *= base
+        numbers += digit
+    return numbers

@@ -5,18 +5,18 @@ A package names its kinds as entry points, in one of GROUPS, each pointing to a 
     [project.entry-points."mabirds.games"]
     junction = "mabirds_junction.kind:JUNCTION"
 
-Nothing is registered by importing it. Settings of all kinds are loaded to read an experiment file; what is built from
-them is loaded where it is built, so that a process has only what its experiment needs.
+Nothing is registered by importing it. Of kinds, those are loaded that an experiment file names (kind_settings); what is
+built from their settings is loaded where it is built. So a process has only what its experiment needs.
 """
 
-from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, reduce
-from importlib.metadata import Distribution, EntryPoint, entry_points
+from importlib.metadata import Distribution, EntryPoint, EntryPoints, distribution, distributions
+from itertools import groupby
 from operator import attrgetter, or_
 from types import MappingProxyType
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any, NamedTuple, get_args
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag
 
@@ -64,8 +64,7 @@ class Kind:
     """Of games: ``recorded(observed)`` is what an experiment file says of a game that recordings are imported to."""
 
 
-@dataclass(frozen=True)
-class Offer:
+class Offer(NamedTuple):
     """A kind that is installed: its name, the package that brings it, and what became of loading it."""
 
     group: str
@@ -78,10 +77,19 @@ class Offer:
     """Why it cannot be used; empty: it can."""
 
 
+PREFIX = "[mabirds."
+"""How our groups are written in the files of entry points."""
+
+
 @cache
-def installed_points() -> Any:
-    """Entry points of all installed packages: to look through these takes longer than to load what is found."""
-    return entry_points()  # of one type in Python 3.11 and of another in 3.12; both select
+def installed_points() -> EntryPoints:
+    """Entry points of the packages that bring kinds.
+
+    To look through all takes longer than to load what is found, so that other packages' are not parsed. Where a package
+    is installed in several places, it is the first of these that counts, as everywhere.
+    """
+    names = {found.name for found in distributions() if PREFIX in (found.read_text("entry_points.txt") or "")}
+    return EntryPoints(point for name in sorted(names) for point in distribution(name).entry_points)
 
 
 @cache
@@ -90,11 +98,43 @@ def _origin(distribution: Distribution) -> tuple[str, str]:
 
 
 @cache
+def points_of(group: str) -> Mapping[str, Sequence[EntryPoint]]:
+    """Entry points of a group by name: one each, unless several packages bring it. Nothing is loaded."""
+    points = sorted(installed_points().select(group=group), key=attrgetter("name", "value"))
+    return MappingProxyType({name: tuple(named) for name, named in groupby(points, attrgetter("name"))})
+
+
+@cache
+def offer(group: str, name: str) -> Offer | None:
+    """An installed kind, loaded alone.
+
+    Parameters
+    ----------
+    group : str
+        One of GROUPS.
+    name : str
+        Of its entry point.
+
+    Returns
+    -------
+    Offer or None
+        None where there is none of this name.
+    """
+    points = points_of(group).get(name)
+    return _offer(points[-1], points if len(points) > 1 else ()) if points else None
+
+
+@cache
 def offers(group: str) -> Mapping[str, Offer]:
     """All installed kinds of a group by name, also those that cannot be used."""
-    points = sorted(installed_points().select(group=group), key=attrgetter("name", "value"))
-    times = Counter(point.name for point in points)
-    return MappingProxyType({point.name: _offer(point, points if times[point.name] > 1 else []) for point in points})
+    found = {name: offer(group, name) for name in points_of(group)}
+    return MappingProxyType({name: one for name, one in found.items() if one})
+
+
+def forget() -> None:
+    """Look for kinds again, where packages have been installed since."""
+    for known in (installed_points, points_of, offer, offers):
+        known.cache_clear()
 
 
 def kinds(group: str) -> dict[str, Kind]:
@@ -117,7 +157,7 @@ def kind_of(group: str, settings: Any) -> Kind:
     Kind
         Of ``settings.kind``.
     """
-    return kinds(group)[settings.kind]
+    return require(group, settings.kind)
 
 
 def build(group: str, settings: Any, *parts: Any) -> Any:
@@ -160,12 +200,12 @@ def require(group: str, name: str) -> Kind:
     ExperimentError
         There is none; the message says which there are, or which package's kind fails and how.
     """
-    offer = offers(group).get(name)
-    if offer is None:
+    found = offer(group, name)
+    if found is None:
         raise ExperimentError(f"{name!r} is none of the {GROUPS[group]} {sorted(kinds(group))}{REMEDY}")
-    if offer.kind is None:
-        raise ExperimentError(f"{name!r}: {offer.problem}")
-    return offer.kind
+    if found.kind is None:
+        raise ExperimentError(f"{name!r}: {found.problem}")
+    return found.kind
 
 
 REMEDY = "; install the package that brings it (`mabirds kinds` lists what there is)"
@@ -233,7 +273,7 @@ def _tag_or(default: str) -> Callable[[Any], str]:
     return kind_named
 
 
-def _offer(point: EntryPoint, rivals: list[EntryPoint]) -> Offer:
+def _offer(point: EntryPoint, rivals: Sequence[EntryPoint]) -> Offer:
     package, version = _origin(point.dist) if point.dist else ("?", "?")
     kind, problem = _loaded(point, package)
     others = sorted({_origin(rival.dist)[0] for rival in rivals if rival.name == point.name and rival.dist})

@@ -1,5 +1,7 @@
 """Rolling out from the demonstrations' starts: the same mean as from P_0, with less variance."""
 
+from dataclasses import replace
+
 import numpy as np
 from experiments import demonstrations, experiment
 from games import all_trajectories, hallway, probabilities, random_policy
@@ -84,3 +86,12 @@ def test_a_learner_rolls_out_from_the_starts_of_its_window() -> None:
 def others(parameters: Parameters) -> dict[str, Parameters]:
     """What bob and cid send."""
     return {"bob": parameters, "cid": parameters}
+
+
+def test_each_iteration_draws_from_a_generator_of_its_own_if_anything_is_drawn() -> None:
+    game, exact = hallway(), build_learner(experiment({"algorithm.expectation": "exact"}), "ann").estimator
+    sampled = replace(exact, expectation=SampledOccupancy(game, 2))
+    first, second, again = (sampled.generator(1, 0, n).random() for n in (1, 2, 1))
+    assert first == again != second
+    assert first == np.random.default_rng([1, 0, 1]).random()
+    assert exact.generator(1, 0, 1) is exact.generator(1, 0, 2)

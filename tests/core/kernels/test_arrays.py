@@ -41,6 +41,15 @@ def test_ends_of_the_range() -> None:
     assert np.array_equal(applied("mabirds_log", x), [0.0, -np.inf, np.inf, np.nan, np.nan, -np.inf], equal_nan=True)
 
 
+def test_a_pointer_leads_to_the_first_entry_also_of_what_may_not_be_written_to() -> None:
+    array = np.arange(6.0)
+    for part in (array, array[2:], array[:0]):
+        place = part.ctypes.data
+        assert pointer(part).value == place
+        part.flags.writeable = False
+        assert pointer(part).value == place
+
+
 @pytest.mark.parametrize("wrong", [np.zeros(3, dtype=np.float32), np.zeros((4, 4))[:, ::2]])
 def test_a_pointer_is_of_what_the_kernel_takes(wrong: np.ndarray) -> None:
     with pytest.raises(ValueError, match="a kernel takes contiguous float64"):

@@ -13,6 +13,7 @@ import pytest
 from games import hallway, patrol, trio
 
 from mabirds_core import arithmetic
+from mabirds_core.games.interface import Trajectories
 from mabirds_core.kernels import factored
 from mabirds_core.kernels.loading import library
 from mabirds_core.planners.factored import FactoredVisitation, factored_policy, factored_reward
@@ -52,7 +53,10 @@ def computed() -> list[bytes]:
         policy = factored_policy(game, reward)
         visitation = policy.visitation(game.initial_distribution)
         assert isinstance(visitation, FactoredVisitation)
-        arrays += [*policy.solution, *visitation.totals]
+        states = rng.integers(game.n_states, size=(5, game.horizon + 1))
+        actions = rng.integers(game.n_actions, size=states.shape)
+        likelihoods = policy.log_likelihoods(Trajectories(states, actions))
+        arrays += [*policy.solution, *visitation.totals, likelihoods]
     return [array.tobytes() for array in arrays]
 
 

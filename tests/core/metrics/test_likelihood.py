@@ -66,7 +66,7 @@ def test_all_steps_at_once_are_as_step_by_step_to_the_last_bit() -> None:
     theta, omega = rng.normal(size=reward.size), -rng.exponential(size=len(game.cost_features.names))
     policy = SoftBellmanPlanner(game, reward, game.cost_features).plan(theta, omega)
     states, actions = rng.integers(game.n_states, size=(30, 6)), rng.integers(game.n_actions, size=(30, 6))
-    assert hasattr(policy, "log_chances")
+    assert hasattr(policy, "log_likelihoods")
     total = np.zeros(30)
     for step in range(6):
         under_way = np.flatnonzero(~game.goal[states[:, step]])

@@ -22,6 +22,7 @@ summable, as Theorem 1 asks; they are no multiples of the gradient, and learners
 ones, which it does not allow for (docs/theory.md).
 """
 
+from functools import lru_cache
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -29,7 +30,7 @@ import numpy as np
 from mabirds_core.algorithm.gradient import GradientEstimate
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.algorithm.steps import RuleState
-from mabirds_core.arithmetic import log, power
+from mabirds_core.arithmetic import exp, log
 from mabirds_core.arrays import Mask, Vector
 from mabirds_core.settings import Settings
 
@@ -38,6 +39,9 @@ PRIOR = {"theta": 0.1, "omega": 0.001}
 
 RATE, SLOWER_AFTER, DECAY, MOMENTUM = 0.6, 10.0, 0.75, 0.7
 """Of the ratios."""
+
+AT_ONCE = 256
+"""Iterations whose a(n) are found together: of one alone it takes as long."""
 
 CALL_BACK = 2.0
 """The largest -g."""
@@ -84,9 +88,14 @@ class AdaptiveSteps(Settings):
         for name in Parameters._fields:
             momentum, squares = state[f"momentum.{name}"], state[f"squares.{name}"]
             expected, demonstrated = getattr(estimate.imagined, name), getattr(estimate.observed, name)
+            counts, prior = getattr(estimate.counts, name), PRIOR[name] / n
+            if counts is True:  # nothing else to be done, and no copies
+                after = _ratio_momentum(momentum, expected, demonstrated, prior, rate)
+                moves[name] = _Move(after, after, squares)
+                continue
             moves[name] = move = _Move(*(np.zeros_like(momentum) for _ in _Move._fields))
-            counts = np.broadcast_to(getattr(estimate.counts, name), momentum.shape)
-            after = _ratio_momentum(momentum[counts], expected[counts], demonstrated[counts], PRIOR[name] / n, rate)
+            counts = np.broadcast_to(counts, momentum.shape)
+            after = _ratio_momentum(momentum[counts], expected[counts], demonstrated[counts], prior, rate)
             move.put(counts, _Move(after, after, squares[counts]))
             gradient = estimate.window_fill * (expected - demonstrated)
             move.put(~counts, _adagrad(momentum[~counts], squares[~counts], gradient[~counts], n))
@@ -140,8 +149,16 @@ def _adagrad(momentum: Vector, squares: Vector, gradient: Vector, n: int) -> _Mo
 def _rate(estimate: GradientEstimate, n: int) -> float:
     """a(n): the more features are active at a time, the less each of them has to do."""
     counted = (
-        values[np.broadcast_to(counts, values.shape)].sum()
+        (values if counts is True else values[np.broadcast_to(counts, values.shape)]).sum()
         for values, counts in zip(estimate.observed, estimate.counts, strict=True)
     )
     active = sum(counted) / estimate.mass
-    return float(RATE / power(1 + n / SLOWER_AFTER, DECAY) / max(active, MIN_ACTIVE))
+    return float(RATE / _slowdowns(n // AT_ONCE)[n % AT_ONCE] / max(active, MIN_ACTIVE))
+
+
+@lru_cache(maxsize=4)
+def _slowdowns(part: int) -> list[float]:
+    """(1 + n/10)^.75 of AT_ONCE iterations."""
+    numbers = np.arange(part * AT_ONCE, (part + 1) * AT_ONCE)
+    slowdowns: list[float] = exp(DECAY * log(1 + numbers / SLOWER_AFTER)).tolist()
+    return slowdowns

@@ -120,6 +120,30 @@ class GradientEstimator:
         observed = memory.observed(parameters)
         return GradientEstimate(imagined, observed, policy, self.counts, self.mass, memory.fill)
 
+    def generator(self, *seed: int) -> np.random.Generator:
+        """Of an iteration's rollouts; one for all where nobody draws, as seeding takes longer than many sums.
+
+        Parameters
+        ----------
+        *seed : int
+            Of whom and of which iteration.
+
+        Returns
+        -------
+        numpy.random.Generator
+            New for each seed, unless neither planner nor expectation draws.
+        """
+        return np.random.default_rng(seed) if self._draws else self._never_drawn_from
+
+    @cached_property
+    def _draws(self) -> bool:
+        """Planners and expectations that never draw say so."""
+        return any(getattr(part, "draws", True) for part in (self.planner, self.expectation))
+
+    @cached_property
+    def _never_drawn_from(self) -> np.random.Generator:
+        return np.random.default_rng(0)
+
     def _paid(self, parameters: Parameters, visitation: Visitation) -> Vector:
         """E_pi mu and, of costs with a penalty, its gradient."""
         costs, omega = self.costs, parameters.omega

@@ -18,8 +18,6 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from mabirds_core.algorithm.gradient import GradientEstimate, GradientEstimator
 from mabirds_core.algorithm.memory import Memory
 from mabirds_core.algorithm.parameters import Parameters, descend
@@ -117,7 +115,26 @@ class Learner:
         StepResult
             The state of iteration n + 1, and what led there.
         """
-        (estimate, memory), n = self.local_gradient(state, demonstration), state.iteration
+        return self.mixed(state, self.local_gradient(state, demonstration), incoming)
+
+    def mixed(self, state: LearnerState, local: LocalGradient, incoming: Mapping[str, Any]) -> StepResult:
+        """Step 4, once steps 1 to 3 are made.
+
+        Parameters
+        ----------
+        state : LearnerState
+            Before update n.
+        local : LocalGradient
+            Of this state.
+        incoming : Mapping[str, Any]
+            What in-neighbours of E(n) have sent, by their names, for the mixer.
+
+        Returns
+        -------
+        StepResult
+            The state of iteration n + 1, and what led there.
+        """
+        (estimate, memory), n = local, state.iteration
         step, rule = self.steps.step(state.rule, estimate, n)
         step = self._told(step, state.memory, memory)
         mixed = self.mixer.mix(self.mixer.incoming(state.mixing, n, incoming), n, partial(descend, step=step, n=n))
@@ -141,7 +158,9 @@ class Learner:
             Of (1/l) sum_{i<l} ( mean_j grad J(zeta^j) - grad J(zeta(n-i)) ) in theta, and the same of mu in omega.
         """
         memory = state.memory.add(demonstration)
-        estimate = self.estimator(state.parameters, memory, self._rng(state.iteration), state.policy)
+        # Of its own for each learner and iteration, so that a restart needs no saved generator.
+        rng = self.estimator.generator(self.seed, self.index, state.iteration)
+        estimate = self.estimator(state.parameters, memory, rng, state.policy)
         return LocalGradient(estimate, memory)
 
     def consensus_step(self, state: LearnerState, incoming: Mapping[str, Any]) -> LearnerState:
@@ -187,8 +206,5 @@ class Learner:
         reward, known, now = self.estimator.reward, before.shown, after.shown
         if not isinstance(reward, RewardWithShown) or known is None or now is None:
             return step
-        return step._replace(theta=reward.told(step.theta, now.used & ~known.used))
-
-    def _rng(self, iteration: int) -> np.random.Generator:
-        """A generator of its own for each learner and iteration, so that a restart needs no saved generator."""
-        return np.random.default_rng([self.seed, self.index, iteration])
+        news = now.used & ~known.used
+        return step._replace(theta=reward.told(step.theta, news)) if news.any() else step

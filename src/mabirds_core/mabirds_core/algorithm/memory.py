@@ -224,7 +224,7 @@ class RunningMean:
         """A mean of all is always whole."""
         return 1.0
 
-    @property
+    @cached_property
     def shown(self) -> ShownFeatures:
         """By the sums of their counts."""
         of_features = self.sums.cost[: len(self.game.cost_features.names)]
@@ -261,14 +261,16 @@ class RunningMean:
 
 def _with_starts(sums: Sums, begun: Steps) -> Sums:
     """The sums with more starts; of many different ones only the newest are kept."""
-    starts, counts = list(sums.starts), list(sums.start_counts)
+    starts, counts = np.asarray(sums.starts), sums.start_counts.copy()
     for start in begun:
-        same = [k for k, known in enumerate(starts) if np.array_equal(known, start)]
-        if same:
+        equal = starts == start if len(starts) else starts
+        same = np.flatnonzero(equal if equal.ndim < 2 else equal.all(axis=1))
+        if len(same):
             counts[same[0]] += 1
         else:
-            starts, counts = [*starts, start][-MAX_STARTS:], [*counts, 1][-MAX_STARTS:]
-    return sums._replace(starts=np.asarray(starts), start_counts=np.array(counts, dtype=np.int64))
+            starts = np.concatenate([starts, [start]] if len(starts) else [[start]])[-MAX_STARTS:]
+            counts = np.append(counts, 1)[-MAX_STARTS:]
+    return sums._replace(starts=starts, start_counts=counts)
 
 
 def _sums_of(game: ConstrainedMarkovGame, reward: SummableReward, kept: Mapping[str, Array]) -> Sums:

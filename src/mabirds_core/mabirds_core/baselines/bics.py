@@ -13,8 +13,6 @@ omega ascends the likelihood of the demonstrations under the maximum-entropy pol
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from mabirds_core.algorithm.gradient import GradientEstimator
 from mabirds_core.algorithm.memory import Memory
 from mabirds_core.algorithm.parameters import descend
@@ -51,7 +49,7 @@ class Bics:
     def update(self, state: CentralState, demonstrations: Trajectories) -> CentralState:
         """One gradient step."""
         n, memory = state.iteration, state.memory.add(demonstrations)
-        estimate = self.estimator(state.parameters, memory, np.random.default_rng([self.seed, n]), state.policy)
+        estimate = self.estimator(state.parameters, memory, self.estimator.generator(self.seed, n), state.policy)
         step, rule = self.steps.step(state.rule, estimate, n)
         after = descend(state.parameters, step, n)
         return CentralState(n + 1, after, memory, rule, estimate.policy, state.work.more(1, 1))

@@ -23,6 +23,9 @@ MAX_SLOTS = 100_000
 MAX_WEIGHTS = 5_000_000
 """Entries of the weights W of all slots together: seconds of checking, some ten megabytes."""
 
+MOST_KEPT = 64
+"""In-neighbours of a learner in a slot that are kept once they were asked for."""
+
 
 @dataclass(frozen=True)
 class EdgeSchedule:
@@ -127,7 +130,20 @@ class EdgeSchedule:
         list[str]
             In the order of ``learners``; none after the end of a schedule that stops.
         """
-        return [self.learners[u] for u in self.in_neighbours(self.learners.index(name), iteration)]
+        if self._is_over(iteration):
+            return []
+        where = name, self._slot(iteration)
+        if where not in self._senders:
+            if len(self._senders) >= MOST_KEPT:
+                self._senders.clear()
+            senders = self.in_neighbours(self.learners.index(name), iteration)
+            self._senders[where] = [self.learners[u] for u in senders]
+        return [*self._senders[where]]
+
+    @cached_property
+    def _senders(self) -> dict[tuple[str, int], list[str]]:
+        """Some of what was asked for, by receiver and slot: it is asked for twice or thrice at each iteration."""
+        return {}
 
     def receivers_of(self, name: str, iteration: int) -> list[str]:
         """Names of the out-neighbours of E(n).

@@ -74,13 +74,13 @@ class StrictMixer:
 
     def _weighted_sum(self, state: StrictState, iteration: int) -> Parameters:
         """Summed in the order of the list of learners, so that every process rounds alike."""
-        row = self.schedule.weights(iteration)[self._index]
+        row = self.schedule.weights(iteration)[self._index].tolist()
         available = {**(state.received or {}), self.name: state.parameters}
-        theta, omega = (np.zeros_like(values) for values in state.parameters)
+        theta, omega = (np.zeros(values.shape) for values in state.parameters)
         for weight, learner in zip(row, self.schedule.learners, strict=True):
             if learner in available:
-                theta = theta + weight * available[learner].theta
-                omega = omega + weight * available[learner].omega
+                theta += weight * available[learner].theta
+                omega += weight * available[learner].omega
         return Parameters(theta, omega)
 
     def to_arrays(self, state: StrictState) -> dict[str, Array]:  # noqa: ARG002 - all of it is parameters

@@ -1,11 +1,13 @@
 """The entry points of the cost models that come along."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mabirds_core.costs.models import LinearCost
-from mabirds_core.costs.network import NetworkCost
 from mabirds_core.costs.settings import LinearCostSettings, NetworkCostSettings, check_network
 from mabirds_core.registry import Kind
+
+if TYPE_CHECKING:
+    from mabirds_core.costs.network import NetworkCost
 
 
 def build_linear(settings: LinearCostSettings, game: Any) -> LinearCost:  # noqa: ARG001 - there is nothing to set
@@ -26,7 +28,7 @@ def build_linear(settings: LinearCostSettings, game: Any) -> LinearCost:  # noqa
     return LinearCost(game.cost_features)
 
 
-def build_network(settings: NetworkCostSettings, game: Any) -> NetworkCost:
+def build_network(settings: NetworkCostSettings, game: Any) -> "NetworkCost":
     """Build a network.
 
     Parameters
@@ -41,6 +43,8 @@ def build_network(settings: NetworkCostSettings, game: Any) -> NetworkCost:
     NetworkCost
         c_omega.
     """
+    from mabirds_core.costs.network import NetworkCost
+
     inputs = game.cost_inputs(settings.inputs)
     return NetworkCost(
         game.cost_features, inputs, settings.width, settings.bound, settings.apart, settings.beside_features

@@ -107,9 +107,10 @@ class LinearCost:
         return tuple(self.features.names)
 
     @property
-    def counts(self) -> bool:
-        """Where the features are never negative."""
-        return bool(getattr(self.features, "nonnegative", False))
+    def counts(self) -> bool | Mask:
+        """As the features say; where they do not, all if they are never negative."""
+        counts: bool | Mask = getattr(self.features, "counts", bool(getattr(self.features, "nonnegative", False)))
+        return counts
 
     @property
     def total_size(self) -> int:

@@ -136,9 +136,11 @@ class NetworkCost:
     @property
     def counts(self) -> bool | Mask:
         """Those of the weights of features."""
-        if not (self.beside_features and LinearCost(self.features).counts):
+        if not self.beside_features:
             return False
-        return np.arange(self.size) < self._weights
+        result = np.zeros(self.size, dtype=bool)
+        result[: self._weights] = LinearCost(self.features).counts
+        return result
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -10,7 +10,6 @@ from mabirds_core.algorithm.gradient import GradientEstimator
 from mabirds_core.algorithm.learner import Learner
 from mabirds_core.algorithm.memory import Memory, RunningMean, WindowMemory
 from mabirds_core.algorithm.parameters import Parameters
-from mabirds_core.baselines.interface import CentralMethod, MethodParts
 from mabirds_core.errors import ExperimentError
 from mabirds_core.experiment.file import Experiment
 from mabirds_core.experiment.learning_settings import MAX_WINDOW
@@ -19,6 +18,9 @@ from mabirds_core.planners.interface import Policy
 from mabirds_core.registry import METHODS, build, kind_of, kinds, require
 from mabirds_core.rewards.models import RewardModel, SummableReward
 from mabirds_core.rewards.shown import RewardWithShown
+
+if TYPE_CHECKING:
+    from mabirds_core.baselines.interface import CentralMethod
 
 
 def build_game(experiment: Experiment) -> Game:
@@ -165,7 +167,7 @@ def method_names() -> tuple[str, ...]:
     return tuple(kinds(METHODS))
 
 
-def build_method(experiment: Experiment, name: str, game: Game | None = None) -> CentralMethod:
+def build_method(experiment: Experiment, name: str, game: Game | None = None) -> "CentralMethod":
     """Build a central method.
 
     Parameters
@@ -187,6 +189,8 @@ def build_method(experiment: Experiment, name: str, game: Game | None = None) ->
     ExperimentError
         There is no such method, or it is not made for the experiment's game.
     """
+    from mabirds_core.baselines.interface import MethodParts  # learners have no use for it
+
     kind, game, algorithm = require(METHODS, name), game or build_game(experiment), experiment.algorithm
     if kind.form not in {None, kind_of("mabirds.games", experiment.game).form}:
         raise ExperimentError(

@@ -15,8 +15,9 @@ from mabirds_core.consensus.strict import StrictMixing
 from mabirds_core.digest import experiment_digest
 from mabirds_core.errors import ExperimentError, MabirdsError
 from mabirds_core.experiment.learning_settings import AlgorithmSettings, BaselineSettings
+from mabirds_core.kind_settings import settings_of
 from mabirds_core.planners.settings import check_rollouts
-from mabirds_core.registry import build, kind_of, kinds, union
+from mabirds_core.registry import GROUPS, build, kind_of, kinds
 from mabirds_core.settings import Settings, renamed_settings
 from mabirds_core.texts import sanitize, truncate
 from mabirds_core.yaml_files import MAX_FILE, read_yaml
@@ -47,9 +48,9 @@ if TYPE_CHECKING:
     ScheduleSettings: TypeAlias = Any
     MixingSettings: TypeAlias = Any
 else:
-    GameSettings = union("mabirds.games")
-    ScheduleSettings = union("mabirds.schedules")
-    MixingSettings = union("mabirds.mixers")
+    GameSettings = settings_of("mabirds.games")
+    ScheduleSettings = settings_of("mabirds.schedules")
+    MixingSettings = settings_of("mabirds.mixers")
 
 PassingSide = Literal["by_start", "random", "left", "right"]
 """The side of an obstacle on which experts pass: where they started from it, either, or the same for all."""
@@ -103,8 +104,10 @@ class Experiment(Settings):
         """Planners, expectations and experts must be made for the game, and what is rolled out must fit into memory."""
         game, planner = build(GAMES, self.game), kind_of(PLANNERS, self.algorithm.policy)
         costs = kind_of(COSTS, self.algorithm.cost)
+        form = kind_of(GAMES, self.game).form
+        fits = planner.form in {None, form}  # then the names of others need not be known, nor these be loaded
         fitting = {
-            "algorithm.policy.kind": planners_for(kind_of(GAMES, self.game).form),
+            "algorithm.policy.kind": (self.algorithm.policy.kind,) if fits else planners_for(form),
             "algorithm.expectation": game.expectations,
             "demonstrations.experts": game.expert_kinds or (self.demonstrations.experts,),
         }
@@ -162,11 +165,12 @@ def planners_for(form: str | None) -> tuple[str, ...]:
 
 def without_defaults(settings: Settings) -> dict[str, Any]:
     """What a file must say to mean ``settings``, as JSON: the values that differ from their defaults, and all kinds."""
-    content = settings.model_dump(mode="json")
+    parts = {name for name, value in settings if isinstance(value, Settings)}  # written below, by themselves
+    content = settings.model_dump(mode="json", exclude=parts)
     return {
-        name: _written(value, content[name])
+        name: without_defaults(value) if name in parts else _written(value, content[name])
         for name, value in settings
-        if name in content and (name == "kind" or value != _default(settings, name))
+        if (name in parts or name in content) and (name == "kind" or value != _default(settings, name))
     }
 
 
@@ -259,6 +263,8 @@ def _json(content: dict[str, Any]) -> str:
 
 
 def _explanations(error: ValidationError) -> Iterator[str]:
+    for group in GROUPS:
+        kinds(group)  # are loaded, so that it is known what is called otherwise now
     renamed = renamed_settings()
     for problem in error.errors():
         place = sanitize(".".join(_setting(problem["loc"]))) or "experiment"

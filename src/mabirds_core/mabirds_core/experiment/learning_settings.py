@@ -7,8 +7,9 @@ from pydantic import Field, create_model, field_validator
 from mabirds_core.algorithm.adaptive_steps import AdaptiveSteps
 from mabirds_core.algorithm.gradient import RolloutStart
 from mabirds_core.costs.settings import LinearCostSettings
+from mabirds_core.kind_settings import settings_of
 from mabirds_core.planners.settings import SoftValueIterationSettings
-from mabirds_core.registry import METHODS, kinds, union
+from mabirds_core.registry import METHODS, kinds
 from mabirds_core.rewards.settings import LinearRewardSettings
 from mabirds_core.settings import Settings
 
@@ -18,10 +19,10 @@ if TYPE_CHECKING:
     CostSettings: TypeAlias = Any
     PlannerSettings: TypeAlias = Any
 else:
-    StepRule = union("mabirds.step_rules")
-    RewardSettings = union("mabirds.rewards")
-    CostSettings = union("mabirds.costs")
-    PlannerSettings = union("mabirds.planners")
+    StepRule = settings_of("mabirds.step_rules")
+    RewardSettings = settings_of("mabirds.rewards")
+    CostSettings = settings_of("mabirds.costs")
+    PlannerSettings = settings_of("mabirds.planners")
 
 
 MAX_WINDOW = 1000

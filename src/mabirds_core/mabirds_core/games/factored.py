@@ -14,7 +14,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mabirds_core.arrays import Array, Indices, Vector, digits
+from mabirds_core.arrays import Array, Indices, Vector, digits, undigits
 from mabirds_core.games.interface import TabularGame
 
 MOST_LEVELS = 256
@@ -120,30 +120,7 @@ class Factors:
             The joint states after, of the shape of both.
         """
         own = zip(self.successor, self.cells(states), self.moves(actions), strict=True)
-        cells = tuple(successor[cell, move] for successor, cell, move in own)
-        return np.asarray(np.ravel_multi_index(cells, (self.n_cells,) * self.n_experts))
-
-    def level(self, states: Indices, actions: Indices) -> NDArray[np.uint8]:
-        """The level of single joint actions.
-
-        Parameters
-        ----------
-        states : Indices
-            Joint states, shape (M,).
-        actions : Indices
-            A joint action in each, shape (M,).
-
-        Returns
-        -------
-        NDArray[np.uint8]
-            Shape (M,).
-        """
-        levels = np.zeros(len(states), dtype=np.uint8)
-        if len(self.coupled_states):
-            places = np.minimum(np.searchsorted(self.coupled_states, states), len(self.coupled_states) - 1)
-            coupled = self.coupled_states[places] == states
-            levels[coupled] = self.coupled_levels[places[coupled], actions[coupled]]
-        return levels
+        return undigits([successor[cell, move] for successor, cell, move in own], self.n_cells)
 
     def levels(self, states: Indices) -> NDArray[np.uint8]:
         """The level of every joint action in M joint ``states``, shape (M, A)."""

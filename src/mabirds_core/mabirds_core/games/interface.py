@@ -324,6 +324,7 @@ def discounted_visitation(trajectories: Trajectories, discount: float) -> Visita
         With weights gamma^t / m.
     """
     count, steps = trajectories.states.shape[:2]
-    weights = np.broadcast_to(powers(discount, steps) / count, (count, steps))
+    of_steps = powers(discount, steps)
+    weights = of_steps if count == 1 else np.tile(of_steps / count, count)
     states, actions = (values.reshape(count * steps, *values.shape[2:]) for values in trajectories)
-    return Visitation(states, actions, weights.ravel())
+    return Visitation(states, actions, weights)

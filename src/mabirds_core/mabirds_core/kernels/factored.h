@@ -285,19 +285,19 @@ INLINE void joint_actions(const Game *g, Work *w, int64_t state, int logarithms)
 }
 
 /* The level of each joint action; 0 for a state that is not coupled, where it is 0 throughout. */
-INLINE const uint8_t *levels_in(const Game *g, const Work *w, int64_t state) {
+INLINE const uint8_t *levels_in(const Game *g, int64_t joint_actions, int64_t state) {
   int64_t low = 0, high = g->coupled;
   while (low < high) {
     int64_t middle = (low + high) / 2;
     if (g->coupled_states[middle] < state) low = middle + 1;
     else high = middle;
   }
-  return low < g->coupled && g->coupled_states[low] == state ? g->coupled_levels + low * w->actions : 0;
+  return low < g->coupled && g->coupled_states[low] == state ? g->coupled_levels + low * joint_actions : 0;
 }
 
 /* w->value: log(p exp(W) X) of each joint action; returns the logarithm of their sum. */
 INLINE double sum_in_logs(const Game *g, Work *w, int64_t state, const double *gain, double shift) {
-  const uint8_t *level = levels_in(g, w, state);
+  const uint8_t *level = levels_in(g, w->actions, state);
   double largest = -INFINITY, sum = 0.0;
   joint_actions(g, w, state, 1);
   for (int64_t a = 0; a < w->actions; a++) {

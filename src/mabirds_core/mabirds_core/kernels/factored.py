@@ -5,9 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mabirds_core.arrays import Array, Vector
+from mabirds_core.arrays import Array, Indices, Mask, Vector
 from mabirds_core.games.factored import FactoredReward, Factors
 from mabirds_core.kernels.loading import library, pointer
+from mabirds_core.recent import Recent
 
 _INTEGERS = ("experts", "cells", "moves", "states", "horizon", "offsets", "coupled", "ways", "levels")
 _ARRAYS = (
@@ -84,10 +85,10 @@ class Totals(NamedTuple):
     levels: Vector
 
 
-class _Arguments:
-    """A game and a reward as C sees them; keeps the arrays alive."""
+class _Dynamics:
+    """Factors as C sees them; keeps the arrays alive."""
 
-    def __init__(self, factors: Factors, reward: FactoredReward, horizon: int, discount: float) -> None:
+    def __init__(self, factors: Factors) -> None:
         if factors.n_experts > MOST_EXPERTS or factors.n_moves > MOST_MOVES:
             raise ValueError(
                 f"{factors.n_experts} experts with {factors.n_moves} moves: the kernels have room for {MOST_EXPERTS}"
@@ -95,27 +96,31 @@ class _Arguments:
             )
         offset, offset_of = factors.offsets
         arrays = (
-            factors.successor,
-            offset,
-            offset_of,
-            factors.coupled_states,
-            factors.coupled_levels,
+            *(factors.successor, offset, offset_of, factors.coupled_states, factors.coupled_levels),
             *factors.ways,
-            *reward,
         )
-        self._arrays = [np.ascontiguousarray(array, dtype) for array, (_, dtype) in zip(arrays, _ARRAYS, strict=True)]
-        sizes = (*factors.successor.shape, factors.n_states, horizon, len(offset))
-        coupled = (*factors.coupled_levels.shape[:1], len(factors.ways.levels), len(reward.levels))
-        places = (pointer(array, dtype) for array, (_, dtype) in zip(self._arrays, _ARRAYS, strict=True))
-        self.game = _Game(*sizes, *coupled, discount, *places)
+        kinds = dict(_ARRAYS[: len(arrays)])
+        self._arrays = [np.ascontiguousarray(array, kind) for array, kind in zip(arrays, kinds.values(), strict=True)]
+        places = [pointer(array, kind) for array, kind in zip(self._arrays, kinds.values(), strict=True)]
+        experts, cells, moves = factors.successor.shape
+        sizes = {"experts": experts, "cells": cells, "moves": moves, "states": factors.n_states}
+        sizes |= {"offsets": len(offset), "coupled": len(factors.coupled_levels), "ways": len(factors.ways.levels)}
+        self._game = _Game(**sizes, **dict(zip(kinds, places, strict=True)))
 
-    @property
-    def reference(self) -> object:
-        return ctypes.byref(self.game)
+    def with_reward(self, reward: FactoredReward, horizon: int, discount: float) -> _Game:
+        """The game that C solves; the reward's arrays must live as long."""
+        game = _Game.from_buffer_copy(self._game)
+        game.horizon, game.discount, game.levels = horizon, discount, len(reward.levels)
+        game.move_weights, game.state_weights, game.level_weights = map(pointer, reward)
+        return game
 
 
-def backward(factors: Factors, reward: FactoredReward, horizon: int, discount: float) -> Solution:
-    """Find the soft values.
+_DYNAMICS = Recent[_Dynamics](4)
+"""Of the games that are solved again and again."""
+
+
+class Solved:
+    """A solved game: what the backward pass found, and where a policy that follows it goes. C sees its arrays.
 
     Parameters
     ----------
@@ -127,70 +132,89 @@ def backward(factors: Factors, reward: FactoredReward, horizon: int, discount: f
         T.
     discount : float
         gamma.
-
-    Returns
-    -------
-    Solution
-        Values and the factors that the forward pass uses.
     """
-    cells, states = factors.successor.shape[:2], factors.n_states
-    onward = np.empty((horizon + 2) * states + 2 * factors.n_cells)
-    onward[: factors.n_cells] = onward[-factors.n_cells :] = 0.0
-    solution = Solution(
+
+    def __init__(self, factors: Factors, reward: FactoredReward, horizon: int, discount: float) -> None:
+        self._reward = FactoredReward(*(np.ascontiguousarray(part, np.float64) for part in reward))
+        self._dynamics = _DYNAMICS.get(factors, lambda: _Dynamics(factors))
+        self._game = self._dynamics.with_reward(self._reward, horizon, discount)
+        self._place = ctypes.byref(self._game)
+        self._solution = _room(factors, horizon)
+        self._places = [pointer(array) for array in (*self._solution[:3], self._solution.onward[factors.n_cells :])]
+        self._places.append(pointer(self._solution.shift))
+        _call("mabirds_factored_backward", self._place, *self._places)
+
+    @property
+    def solution(self) -> Solution:
+        """Values and the factors that the forward pass uses."""
+        return self._solution
+
+    def forward(self, start: Vector, kept: Totals | None = None) -> tuple[Totals, float]:
+        """Follow the policy.
+
+        Parameters
+        ----------
+        start : Vector
+            P_0, shape (S,).
+        kept : Totals, optional
+            1 for what may be touched, 0 for what may not: probability that does is lost. Default: all may.
+
+        Returns
+        -------
+        tuple[Totals, float]
+            Sums, and the probability that is left after step T.
+        """
+        sums, mass = Totals(*(np.zeros(part.shape) for part in self._reward)), ctypes.c_double()
+        parts = [_Parts(*(pointer(part) for part in each)) if each else None for each in (kept, sums)]
+        places = [ctypes.byref(part) if part else None for part in parts]
+        _call("mabirds_factored_forward", self._place, *self._places, pointer(start), *places, ctypes.byref(mass))
+        return sums, mass.value
+
+    def log_likelihoods(self, states: Indices, actions: Indices, goal: Mask) -> Vector:
+        """How probable trajectories are while they are under way.
+
+        Parameters
+        ----------
+        states : Indices
+            Joint states, shape (m, T + 1).
+        actions : Indices
+            Joint actions, of the same shape.
+        goal : Mask
+            Where the way has ended, shape (S,).
+
+        Returns
+        -------
+        Vector
+            Sums of log pi_t(a | s), shape (m,).
+
+        Raises
+        ------
+        ValueError
+            They have another number of steps.
+        """
+        sums, steps = np.empty(len(states)), len(self.solution.chances)
+        if states.shape[1] != steps:
+            raise ValueError(f"{states.shape[1]} steps, expected {steps}")
+        taken = [np.ascontiguousarray(part, np.int64) for part in (states, actions)]
+        places = [pointer(goal, np.bool_), *(pointer(part, np.int64) for part in taken)]
+        alone, _, gain, *_ = self._places
+        size = ctypes.c_int64(len(sums))
+        _call("mabirds_factored_likelihood", self._place, alone, gain, *places, size, pointer(sums))
+        return sums
+
+
+def _room(factors: Factors, horizon: int) -> Solution:
+    """For what the backward pass finds."""
+    cells, states, padding = factors.successor.shape[:2], factors.n_states, factors.n_cells
+    onward = np.empty((horizon + 2) * states + 2 * padding)
+    onward[:padding] = onward[-padding:] = 0.0
+    return Solution(
         np.empty((horizon + 2, *cells)),
         np.empty((horizon + 1, *factors.successor.shape)),
         np.empty((horizon + 2, states)),
         onward,
         np.empty(horizon + 2),
     )
-    arguments = _Arguments(factors, reward, horizon, discount)
-    places = [pointer(array) for array in (*solution[:3], onward[factors.n_cells :], solution.shift)]
-    _call("mabirds_factored_backward", arguments.reference, *places)
-    return solution
-
-
-def forward(
-    factors: Factors,
-    reward: FactoredReward,
-    solution: Solution,
-    discount: float,
-    start: Vector,
-    kept: Totals | None = None,
-) -> tuple[Totals, float]:
-    """Follow the policy.
-
-    Parameters
-    ----------
-    factors : Factors
-        The dynamics.
-    reward : FactoredReward
-        As of the backward pass.
-    solution : Solution
-        Of the backward pass.
-    discount : float
-        gamma.
-    start : Vector
-        P_0, shape (S,).
-    kept : Totals, optional
-        1 for what may be touched, 0 for what may not: probability that does is lost. Default: all may.
-
-    Returns
-    -------
-    tuple[Totals, float]
-        Sums, and the probability that is left after step T.
-    """
-    sums, mass = Totals(*(np.zeros_like(part) for part in reward)), ctypes.c_double()
-    arguments = _Arguments(factors, reward, len(solution.chances) - 1, discount)
-    arrays = (*solution[:3], solution.onward[factors.n_cells :], solution.shift, start)
-    parts = [_Parts(*(pointer(part) for part in each)) if each else None for each in (kept, sums)]
-    _call(
-        "mabirds_factored_forward",
-        arguments.reference,
-        *(pointer(array) for array in arrays),
-        *(ctypes.byref(part) if part else None for part in parts),
-        ctypes.byref(mass),
-    )
-    return sums, mass.value
 
 
 def _call(name: str, *arguments: object) -> None:

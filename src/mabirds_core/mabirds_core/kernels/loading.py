@@ -60,6 +60,11 @@ def pointer(array: np.ndarray, dtype: type = np.float64) -> ctypes.c_void_p:
     ValueError
         The array is of another type, or has gaps.
     """
-    if array.dtype != dtype or not array.flags.c_contiguous:
-        raise ValueError(f"a kernel takes contiguous {np.dtype(dtype)}, found {array.dtype} {array.flags}")
-    return ctypes.c_void_p(array.__array_interface__["data"][0])
+    kind = array.dtype
+    if kind.type is dtype and kind.isnative:
+        try:  # the quick way, which refuses gaps
+            return ctypes.c_void_p(ctypes.addressof(ctypes.c_char.from_buffer(array)))  # type: ignore[arg-type]  # numpy says it nowhere
+        except (TypeError, ValueError):  # not to be written, or of no entries: no fault
+            if array.flags.c_contiguous:
+                return ctypes.c_void_p(array.__array_interface__["data"][0])
+    raise ValueError(f"a kernel takes contiguous {np.dtype(dtype)}, found {array.dtype} {array.flags}")

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mabirds_core.arrays import Indices, Vector
+from mabirds_core.arrays import Vector
 from mabirds_core.games.interface import TabularGame, Trajectories
 from mabirds_core.planners.interface import TabularPolicy
 
@@ -32,19 +32,16 @@ def log_likelihoods(game: TabularGame, policy: TabularPolicy, demonstrations: Tr
     Vector
         Natural logarithms, shape (m,); -inf where a step has no probability.
     """
+    at_once: Callable[[Trajectories], Vector] | None = getattr(policy, "log_likelihoods", None)
+    return at_once(demonstrations) if at_once else _step_by_step(game, policy, demonstrations)
+
+
+def _step_by_step(game: TabularGame, policy: TabularPolicy, demonstrations: Trajectories) -> Vector:
     states, actions = demonstrations
     whose, steps = np.nonzero(~game.goal[states])
-    chances = _log_chances(policy, steps, states[whose, steps], actions[whose, steps])
-    return np.bincount(whose, chances, minlength=len(states)).astype(np.float64)
-
-
-def _log_chances(policy: TabularPolicy, steps: Indices, states: Indices, actions: Indices) -> Vector:
-    """log pi_t(a | s) of single actions; at once where the policy can."""
-    at_once: Callable[..., Vector] | None = getattr(policy, "log_chances", None)
-    if at_once is not None:
-        return at_once(steps, states, actions)
     chances = np.empty(len(steps))
     for step in np.unique(steps):
         now = np.flatnonzero(steps == step)
-        chances[now] = policy.log_probabilities(int(step), states[now])[np.arange(len(now)), actions[now]]
-    return chances
+        there, taken = states[whose[now], step], actions[whose[now], step]
+        chances[now] = policy.log_probabilities(int(step), there)[np.arange(len(now)), taken]
+    return np.bincount(whose, chances, minlength=len(states)).astype(np.float64)

@@ -19,8 +19,8 @@ import numpy as np
 from mabirds_core.arithmetic import exp, powers
 from mabirds_core.arrays import Array, Indices, Vector, weighted_counts
 from mabirds_core.games.factored import FactoredGame, FactoredReward
-from mabirds_core.games.interface import Steps, Visitation
-from mabirds_core.kernels.factored import Solution, Totals, backward, forward
+from mabirds_core.games.interface import Steps, Trajectories, Visitation
+from mabirds_core.kernels.factored import Solution, Solved, Totals
 from mabirds_core.kernels.loading import library
 
 
@@ -86,13 +86,18 @@ class FactoredPolicy:
         With its factors.
     reward : FactoredReward
         r_theta + omega^T phi.
-    solution : Solution
-        Of the backward pass.
+    solved : Solved
+        By the backward pass.
     """
 
     game: FactoredGame
     reward: FactoredReward
-    solution: Solution
+    solved: Solved
+
+    @property
+    def solution(self) -> Solution:
+        """What the backward pass found."""
+        return self.solved.solution
 
     @property
     def values(self) -> Array:
@@ -114,31 +119,20 @@ class FactoredPolicy:
             logs += of_expert[own_cells[:, None], own_moves]
         return np.asarray(logs)
 
-    def log_chances(self, steps: Indices, states: Indices, actions: Indices) -> Vector:
-        """The same of single actions: log pi_t(a | s), to the last bit.
+    def log_likelihoods(self, trajectories: Trajectories) -> Vector:
+        """Sums of log pi_t(a | s) while trajectories are under way, to the last bit as step by step.
 
         Parameters
         ----------
-        steps : Indices
-            t, shape (M,).
-        states : Indices
-            Joint states, shape (M,).
-        actions : Indices
-            Joint actions, shape (M,).
+        trajectories : Trajectories
+            m of them.
 
         Returns
         -------
         Vector
-            Shape (M,).
+            Shape (m,).
         """
-        factors, gain, alone = self.game.factors, self.solution.gain, self.solution.alone
-        logs = self.game.discount * gain[steps + 1, factors.after(states, actions)]
-        logs = logs + self.reward.levels[factors.level(states, actions)]
-        logs += self.reward.states[states] - gain[steps, states]
-        for expert, (cell, move) in enumerate(zip(factors.cells(states), factors.moves(actions), strict=True)):
-            worth = self.game.discount * alone[steps + 1, expert, factors.successor[expert, cell, move]]
-            logs += self.reward.moves[expert, cell, move] + worth - alone[steps, expert, cell]
-        return np.asarray(logs)
+        return self.solved.log_likelihoods(*trajectories, self.game.goal)
 
     def _alone(self, step: int) -> Array:
         """log p_i(m | c) of each expert alone, shape (N_E, n, M)."""
@@ -164,7 +158,7 @@ class FactoredPolicy:
         Visitation
             Its weights are gamma^t times probabilities, t = 0..T.
         """
-        totals, _ = forward(self.game.factors, self.reward, self.solution, self.game.discount, start)
+        totals, _ = self.solved.forward(start)
         return FactoredVisitation.of(totals, lambda: self._pairs(start))
 
     def _pairs(self, start: Vector) -> Visitation:
@@ -180,8 +174,7 @@ class FactoredPolicy:
 
     def remaining(self, kept: Totals) -> float:
         """Probability that a trajectory from P_0 touches only what is ``kept`` (1; what is not: 0)."""
-        start = self.game.initial_distribution
-        return forward(self.game.factors, self.reward, self.solution, self.game.discount, start, kept)[1]
+        return self.solved.forward(self.game.initial_distribution, kept)[1]
 
 
 def factored_policy(game: FactoredGame, reward: FactoredReward) -> FactoredPolicy:
@@ -199,7 +192,7 @@ def factored_policy(game: FactoredGame, reward: FactoredReward) -> FactoredPolic
     FactoredPolicy
         pi_t(a | s).
     """
-    return FactoredPolicy(game, reward, backward(game.factors, reward, game.horizon, game.discount))
+    return FactoredPolicy(game, reward, Solved(game.factors, reward, game.horizon, game.discount))
 
 
 def factored_reward(reward_model: Any, cost_features: Any, theta: Vector, omega: Vector) -> FactoredReward | None:

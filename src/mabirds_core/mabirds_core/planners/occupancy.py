@@ -136,6 +136,7 @@ class ExactOccupancy:
     """The limit m -> infinity: the occupancy measure itself."""
 
     game: TabularGame
+    draws = False
 
     def __call__(
         self,

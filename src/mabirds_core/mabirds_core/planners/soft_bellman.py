@@ -60,6 +60,7 @@ class SoftBellmanPlanner:
     game: TabularGame
     reward_model: TabularRewardModel
     cost_features: TabularFeatureMap
+    draws = False
 
     def plan(
         self,

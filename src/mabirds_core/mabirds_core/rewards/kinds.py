@@ -27,12 +27,12 @@ def build_linear(settings: LinearRewardSettings, game: Game) -> RewardModel:
 
 
 def build_neural(settings: NeuralRewardSettings, game: Game) -> RewardModel:
-    """Build a network of the game.
+    """Build a network of the game, and a parameter of coming too late beside it where the game can say that.
 
     Parameters
     ----------
     settings : NeuralRewardSettings
-        Of the network.
+        Of the network, with or without lateness.
     game : Game
         With what it takes in.
 
@@ -41,7 +41,8 @@ def build_neural(settings: NeuralRewardSettings, game: Game) -> RewardModel:
     RewardModel
         r_theta.
     """
-    model: RewardModel = game.neural_reward(settings.hidden, settings.bound)
+    arriving = getattr(game, "arriving_neural_reward", None) if settings.lateness else None
+    model: RewardModel = (arriving or game.neural_reward)(settings.hidden, settings.bound)
     return model
 
 

@@ -23,3 +23,7 @@ class NeuralRewardSettings(Settings):
     kind: Literal["neural"]
     hidden: int = Field(32, ge=1, le=10_000, description="units of the hidden layer")
     bound: float = Field(10.0, gt=0, le=1000, description="C: no reward is larger in absolute value")
+    lateness: bool = Field(
+        True,
+        description="a parameter of its own for coming too late beside networks, in games that have one",
+    )

@@ -88,7 +88,7 @@ class ArrivingReward:
 
     def weights(self, theta: Vector) -> Vector:
         """w(theta), shape (K,)."""
-        moves, late = np.split(theta, [self.total_size])
+        moves, late = theta[: self.late.size], theta[self.late.size :]
         return moves + (late[:, None, None] * self.late).ravel()
 
     def table(self, theta: Vector) -> Array:

@@ -1,6 +1,6 @@
 """Cost and reward features of the patrol game, summed and tabulated without a matrix of all pairs."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -24,6 +24,7 @@ class PatrolCostFeatures:
     def __init__(self, grid: PatrolGrid, joint_scale: float, named: Mapping[str, Vector] | None = None) -> None:
         self._grid, self._joint_scale = grid, joint_scale
         self._n_own, self._named = grid.n_experts * grid.n_cells, [*(named or {}).values()]
+        self._pairs = np.arange(grid.n_pairs + 1.0)
         self.nonnegative = all(bool((values >= 0).all()) for values in self._named)
         cells = [divmod(cell, grid.width) for cell in range(grid.n_cells)]
         self.names = (
@@ -38,28 +39,31 @@ class PatrolCostFeatures:
         if isinstance(visitation, FactoredVisitation):
             return self._of_totals(visitation.totals)
         grid, (states, actions, weights) = self._grid, visitation
-        by_cell = [
-            weighted_counts(cells, weights * here[cells], grid.n_cells)
-            for cells, here in zip(grid.cells(states), grid.present, strict=True)
-        ]
+        cells = grid.cells(states)
+        own = cells + grid.first_cells
+        by_cell = weighted_counts(own, weights * grid.present.ravel()[own], self._n_own)
         sharing = (weights * grid.sharing[states]).sum()
-        swapping = (weights * grid.swapping_in(states, actions)).sum()
-        named = [(weights * values[states]).sum() for values in self._named]
-        return np.concatenate([*by_cell, self._joint_scale * np.array([sharing, swapping]), named])
+        swapping = (weights * grid.swapping_of(cells, grid.moves(actions))).sum()
+        return self._joined(by_cell, sharing, swapping, [(weights * values[states]).sum() for values in self._named])
 
     def _of_totals(self, totals: Totals) -> Vector:
         sharing = (totals.states * self._grid.sharing).sum()
-        swapping = (totals.levels * np.arange(len(totals.levels))).sum()
-        joint = self._joint_scale * np.array([sharing, swapping])
+        swapping = (totals.levels * self._pairs).sum()
         named = [(totals.states * values).sum() for values in self._named]
-        return np.concatenate([(totals.moves.sum(axis=2) * self._grid.present).ravel(), joint, named])
+        return self._joined((totals.moves.sum(axis=2) * self._grid.present).ravel(), sharing, swapping, named)
+
+    def _joined(self, by_cell: Vector, sharing: float, swapping: float, named: Sequence[float]) -> Vector:
+        total = np.empty(len(self.names))
+        total[: self._n_own] = by_cell
+        total[self._n_own :] = self._joint_scale * sharing, self._joint_scale * swapping, *named
+        return total
 
     def factored(self, weights: Vector) -> FactoredReward:
         """weights^T phi(s, a), by expert."""
         grid = self._grid
         swapping = self._joint_scale * weights[self._n_own + 1]
         moves = np.repeat(self._by_cell(weights)[:, :, None], grid.n_moves, axis=2)
-        return FactoredReward(moves, self._of_states(weights), swapping * np.arange(grid.n_pairs + 1))
+        return FactoredReward(moves, self._of_states(weights), swapping * self._pairs)
 
     def table(self, weights: Vector) -> Array:
         """weights^T phi(s, a), shape (S, A)."""
@@ -110,14 +114,9 @@ class PatrolRewardFeatures:
         if isinstance(visitation, FactoredVisitation):
             return (visitation.totals.moves * self._grid.present[:, :, None]).ravel()
         grid, (states, actions, weights) = self._grid, visitation
-        cells, size = grid.cells(states), grid.n_cells * grid.n_moves
-        pairs = cells * grid.n_moves + grid.moves(actions)
-        return np.concatenate(
-            [
-                weighted_counts(of_expert, weights * here[own], size)
-                for of_expert, own, here in zip(pairs, cells, grid.present, strict=True)
-            ]
-        )
+        own = grid.cells(states) + grid.first_cells
+        pairs = own * grid.n_moves + grid.moves(actions)
+        return weighted_counts(pairs, weights * grid.present.ravel()[own], len(self.names))
 
     def factored(self, weights: Vector) -> FactoredReward:
         """Sum of the experts' weights, by expert."""

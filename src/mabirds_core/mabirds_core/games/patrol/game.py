@@ -8,6 +8,7 @@ cells, goals that are exits, moves that slip, and a truth that nobody knows.
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,6 @@ from mabirds_core.errors import UnknownTruthError
 from mabirds_core.games.factored import Factors
 from mabirds_core.games.interface import Trajectories, Transitions
 from mabirds_core.games.patrol.arrival import ArrivingReward, lateness
-from mabirds_core.games.patrol.cost_inputs import PatrolCostInputs
 from mabirds_core.games.patrol.decoding import decoded_steps
 from mabirds_core.games.patrol.features import PatrolCostFeatures, PatrolRewardFeatures
 from mabirds_core.games.patrol.named_costs import named_features
@@ -28,6 +28,9 @@ from mabirds_core.games.patrol.settings import PatrolSettings
 from mabirds_core.games.tabular.game import EnumerableGame
 from mabirds_core.games.tabular.transitions import Deterministic, Slipping
 from mabirds_core.rewards.models import LinearReward
+
+if TYPE_CHECKING:
+    from mabirds_core.games.patrol.cost_inputs import PatrolCostInputs
 
 
 class PatrolGame(EnumerableGame):
@@ -99,8 +102,10 @@ class PatrolGame(EnumerableGame):
     def _named(self) -> dict[str, Vector]:
         return named_features(self.grid, self.settings.costs, self.settings.layers)
 
-    def cost_inputs(self, chosen: Sequence[str] | None) -> PatrolCostInputs:
+    def cost_inputs(self, chosen: Sequence[str] | None) -> "PatrolCostInputs":
         """What a cost network sees of a joint state: inputs by name, or all there are."""
+        from mabirds_core.games.patrol.cost_inputs import PatrolCostInputs  # networks are rare
+
         return PatrolCostInputs(self.grid, self.settings.layers, self._named, self.settings.joint_scale, chosen)
 
     @cached_property

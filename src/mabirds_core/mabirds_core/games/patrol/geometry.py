@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mabirds_core.arrays import Indices, Mask, digits
+from mabirds_core.arrays import Indices, Mask, digits, undigits
 from mabirds_core.games.factored import Factors
 
 STRAIGHT = {"north": (-1, 0), "east": (0, 1), "south": (1, 0), "west": (0, -1)}
@@ -112,6 +112,11 @@ class PatrolGrid:
         """present[i, c]: expert i is really in cell c, and has not left there; shape (N_E, n)."""
         return ~self.is_goal if self.leaving else np.ones_like(self.is_goal)
 
+    @cached_property
+    def first_cells(self) -> Indices:
+        """Where each expert's cells begin where all are numbered one after the other, shape (N_E, 1)."""
+        return np.arange(self.n_experts)[:, None] * self.n_cells
+
     def cell_index(self, cell: Cell) -> int:
         """row * width + column."""
         return cell[0] * self.width + cell[1]
@@ -126,7 +131,11 @@ class PatrolGrid:
 
     def joint_state(self, cells: NDArray[np.integer]) -> Indices:
         """Inverse of ``cells``."""
-        return np.asarray(np.ravel_multi_index(tuple(cells), (self.n_cells,) * self.n_experts))
+        return undigits(cells, self.n_cells)
+
+    def joint_action(self, moves: NDArray[np.integer]) -> Indices:
+        """Inverse of ``moves``."""
+        return undigits(moves, self.n_moves)
 
     @cached_property
     def expert_successor(self) -> Indices:
@@ -187,9 +196,25 @@ class PatrolGrid:
         NDArray[np.int8]
             Pairs, of the shape of both.
         """
-        cells, moves = self.cells(states), self.moves(actions)
+        return self.swapping_of(self.cells(states), self.moves(actions))
+
+    def swapping_of(self, cells: Indices, moves: Indices) -> NDArray[np.int8]:
+        """The same of each expert's cells and moves.
+
+        Parameters
+        ----------
+        cells : Indices
+            Shape (N_E, ...).
+        moves : Indices
+            Of a shape that broadcasts with theirs.
+
+        Returns
+        -------
+        NDArray[np.int8]
+            Pairs.
+        """
         midways = [table[own, made] for table, own, made in zip(self.midways, cells, moves, strict=True)]
-        count = np.zeros(np.broadcast_shapes(states.shape, actions.shape), dtype=np.int8)
+        count = np.zeros(midways[0].shape, dtype=np.int8)
         for i, j in self._pairs:
             count += (midways[i] == midways[j]) & (cells[i] != cells[j])
         return count
@@ -223,6 +248,6 @@ class PatrolGrid:
         """Pairs of experts."""
         return len(self._pairs)
 
-    @property
+    @cached_property
     def _pairs(self) -> list[tuple[int, int]]:
         return list(combinations(range(self.n_experts), 2))

@@ -32,7 +32,7 @@ def whole_numbers(what: str, values: Array, shape: tuple[int, int], bounds: list
     """
     if values.shape != shape:
         raise ImpossibleTrajectoryError(f"{what}: shape {values.shape}, expected {shape}")
-    fits = (values >= 0) & (values < bounds) & (values == np.floor(values))
+    fits = values == np.minimum(np.maximum(np.floor(values), 0), np.subtract(bounds, 1))  # which no NaN does
     if not fits.all():
         step, column = np.argwhere(~fits)[0]
         raise ImpossibleTrajectoryError(

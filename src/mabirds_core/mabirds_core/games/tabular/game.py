@@ -5,7 +5,7 @@ A game that can list its joint states and actions (``interface.TabularGame``) in
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,15 +13,18 @@ from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.arrays import Vector
 from mabirds_core.costs.models import costs_of
 from mabirds_core.games.interface import TabularGame, Trajectories, Transitions
-from mabirds_core.games.tabular.constraint_test import NeutralGame
-from mabirds_core.games.tabular.experts import KINDS, TabularExperts
-from mabirds_core.games.tabular.judge import ExactJudge
 from mabirds_core.games.tabular.transitions import Deterministic
 from mabirds_core.games.whole_game import Experts, Learned
 from mabirds_core.planners.interface import OccupancyEstimator
 from mabirds_core.planners.occupancy import ExactOccupancy, SampledOccupancy
 from mabirds_core.planners.soft_bellman import SoftBellmanPlanner
 from mabirds_core.rewards.models import LinearReward, NeuralReward, TabularRewardModel, TrueReward
+
+if TYPE_CHECKING:  # learners have no experts, and judge when they have learned
+    from mabirds_core.games.tabular.constraint_test import NeutralGame
+    from mabirds_core.games.tabular.judge import ExactJudge
+
+EXPERT_KINDS = ("optimal", "soft")
 
 
 class EnumerableGame:
@@ -32,8 +35,8 @@ class EnumerableGame:
 
     @property
     def expert_kinds(self) -> tuple[str, ...]:
-        """Optimal ones and those of maximum entropy."""
-        return tuple(KINDS)
+        """Optimal ones and those of maximum entropy: what ``experts.KINDS`` has."""
+        return EXPERT_KINDS
 
     @property
     def transitions(self: TabularGame) -> Transitions:
@@ -41,8 +44,10 @@ class EnumerableGame:
         return Deterministic(lambda: self.successor)
 
     @cached_property
-    def judge(self: NeutralGame) -> ExactJudge:
+    def judge(self: "NeutralGame") -> "ExactJudge":
         """The judge of policies, by exact rates without sampling."""
+        from mabirds_core.games.tabular.judge import ExactJudge
+
         return ExactJudge(self)
 
     def neutral_change(self, rewards: Vector, omega: Vector, expected: Vector, feature: int) -> Parameters | None:  # noqa: ARG002
@@ -77,6 +82,8 @@ class EnumerableGame:
 
     def experts(self: TabularGame, kind: str, side: str) -> Experts:  # noqa: ARG002 - all ways are known to them
         """Optimal ones, or those of maximum entropy."""
+        from mabirds_core.games.tabular.experts import KINDS, TabularExperts
+
         return TabularExperts(KINDS[kind](self))
 
     def measures(self, omega: Vector, demonstrations: Trajectories) -> Mapping[str, Mapping[str, float]]:  # noqa: ARG002
