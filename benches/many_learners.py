@@ -49,7 +49,8 @@ class Watch:
             self.all_there = self.seconds
         newest = [max(by_iteration, default=0) for by_iteration in monitor.parameters.values()]
         if not self.megabytes and min(newest) > self.experiment.iterations // 2:
-            pids = [child.process.popen.pid for child in supervisor.children.values() if child.process]
+            running = [child.process for child in supervisor.children.values() if child.process]
+            pids = [process.popen.pid for process in running if process.exit_code is None]  # the player may have ended
             self.megabytes = [psutil.Process(pid).memory_info().rss / 1e6 for pid in pids]
 
 

@@ -29,7 +29,7 @@ def test_a_link_that_is_down_at_first_and_an_address_that_changes(
     make_experiment: Callable[..., Path], halves: Halves
 ) -> None:
     """Of the host with the player, in one run; the other one goes on as it is, and nothing counts as a death."""
-    file = make_experiment(**settings(iterations=300))  # fifteen seconds: not all is learned when the address changes
+    file = make_experiment(**settings(iterations=600))  # thirty seconds: not all is learned when the address changes
     halves.lan.cut("right")
     for host in halves.parts:
         halves.start_part(host, file, "--restarts", "0")

@@ -95,6 +95,22 @@ def test_a_late_listener_gets_the_history_of_parameters(nodes: Any, file: Path, 
     assert [message.iteration for message in late] == [1, 2, 3, 4, 5, 6]
 
 
+def test_what_needs_nobody_else_is_made_before_the_neighbour_says_anything(
+    nodes: Any, file: Path, around: Surroundings
+) -> None:
+    node = nodes.learner(file, "learner_1")
+    around.demonstrate(1)
+    nodes.spin_until(lambda: node.session.backlog == 1)
+    assert (node.session.iteration, node.session.can_prepare) == (1, False), "it is made already"
+    around.demonstrate(2)
+    around.neighbour_says(1, node)
+    nodes.spin_until(lambda: node.session.iteration == 2 and node.session.backlog == 1)
+    assert not node.session.can_prepare, "that of the next one follows the update"
+    nodes.spin_until(lambda: around.statuses and around.last.iteration == 2)
+    metrics = dict(zip(around.last.metric_names, around.last.metric_values, strict=True))
+    assert metrics["iteration_seconds"] > 0
+
+
 def test_it_stalls_on_a_silent_neighbour_and_says_on_whom(nodes: Any, file: Path, around: Surroundings) -> None:
     node = nodes.learner(file, "learner_1", status_period=0.1)
     around.demonstrate(1)

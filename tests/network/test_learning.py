@@ -81,6 +81,8 @@ def test_nodes_with_the_default_rule_equal_the_reference(
             nodes.learner(file, name)
         nodes.player(file, hz=50.0)
         nodes.spin_until(lambda: monitor.finished and len(named(inspector)) == 4)
+        heard = inspector.learners.values()  # topics keep no order among each other
+        nodes.spin_until(lambda: all(of.parameters and of.feature_names for of in heard))
     history = simulate_from_bag(experiment)
     assert_same_histories(monitor.history(), history)
     assert not monitor.drops
@@ -121,7 +123,7 @@ def test_patrol_as_processes_equals_the_reference(tmp_path: Path, rate: float, r
             assert told[rounds + 1].tobytes() == judged[name].confidences.tobytes(), "what judges make use of"
 
 
-@pytest.mark.parametrize("planner", ["lattice", "soft_actor_critic"])
+@pytest.mark.parametrize("planner", ["lattice", "soft_actor_critic", "guided"])
 def test_drones_as_processes_equal_the_reference(
     make_drone_experiment: Callable[..., Path], tmp_path: Path, planner: str
 ) -> None:

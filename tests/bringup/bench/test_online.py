@@ -1,11 +1,18 @@
 """The benchmark of rates: its targets, and one short round through ROS."""
 
+import os
+import sys
+import time
 from pathlib import Path
 
 import pytest
 import yaml
 
-from mabirds_bringup.bench.online.compare import METHODS, bound, compare, targets
+from mabirds_bringup.bench.exchange.measure import processor_seconds
+from mabirds_bringup.bench.online.compare import METHODS, bound, compare, require_room, targets
+from mabirds_bringup.bench.online.shares import GROUPS, shared_out
+from mabirds_bringup.run.processes import start, stop
+from mabirds_core.errors import MabirdsError
 
 
 def test_targets() -> None:
@@ -16,6 +23,39 @@ def test_targets() -> None:
 def test_the_bound_is_the_rate_at_which_all_processors_are_busy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("mabirds_bringup.bench.online.compare.processors", lambda: 2)
     assert bound({"processor_milliseconds": 3.0, "player_milliseconds": 2.0}, 2) == 250.0
+
+
+def test_shares_beyond_the_processors_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("mabirds_bringup.bench.online.compare.processors", lambda: 2)
+    require_room(0.5, 3)
+    require_room(1.0, 3)
+    with pytest.raises(MabirdsError, match="3 processes would need 2.1 processors, and there are 2; at most 0.67"):
+        require_room(0.7, 3)
+
+
+CONTROLLER = GROUPS if (GROUPS / "cgroup.controllers").exists() else GROUPS / "cpu"
+
+
+@pytest.mark.skipif(not os.access(CONTROLLER, os.W_OK), reason="this user cannot make control groups")
+def test_a_process_gets_its_share_and_no_more(tmp_path: Path) -> None:
+    with shared_out(0.2) as shares:
+        process = start("busy", [sys.executable, "-c", "while True: pass"], tmp_path)
+        try:
+            shares.limit(process)
+            begin, before = time.monotonic(), processor_seconds(process.popen.pid)
+            time.sleep(1.5)  # in which it is measured
+            used = (processor_seconds(process.popen.pid) - before) / (time.monotonic() - begin)
+        finally:
+            stop([process])
+    assert 0.05 < used < 0.3
+
+
+def test_who_cannot_be_limited_is_told_how(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("mabirds_bringup.bench.online.shares.GROUPS", tmp_path / "nowhere")
+    process = start("short", [sys.executable, "-c", "pass"], tmp_path)
+    with shared_out(0.2) as shares, pytest.raises(MabirdsError, match="--share 0.2: .*run it as root"):
+        shares.limit(process)
+    stop([process])
 
 
 @pytest.mark.timeout(180)

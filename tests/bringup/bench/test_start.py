@@ -1,11 +1,14 @@
 """The start benchmark: its targets, and one round of it."""
 
+import os
+import sys
 from pathlib import Path
 
 import pytest
 from bench_command import printed
 
 from mabirds_bringup.bench.start.measure import TARGETS, targets, until_ended
+from mabirds_bringup.bench.start.parts import STEPS, bytecode_kept
 
 
 def test_targets() -> None:
@@ -25,3 +28,15 @@ def test_one_round(tmp_path: Path) -> None:
     assert results["help_seconds"] < 2 * results["patrol_seconds"]
     assert results["bare_seconds"] < results["patrol_seconds"]
     assert results["bare_megabytes"] < results["patrol_megabytes"]
+    steps = [results[f"to_{step}_seconds"] for step in STEPS]
+    assert steps[0] < min(steps[1:])
+
+
+def test_processes_keep_bytecode_where_this_one_must_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
+    monkeypatch.delenv("PYTHONPYCACHEPREFIX", raising=False)
+    with bytecode_kept(tmp_path):
+        until_ended([sys.executable, "-c", "import mabirds_bringup"])
+    assert list(tmp_path.rglob("*.pyc"))
+    assert os.environ["PYTHONDONTWRITEBYTECODE"] == "1"
+    assert "PYTHONPYCACHEPREFIX" not in os.environ

@@ -78,7 +78,7 @@ def test_the_continuous_study_shows_what_obstacles_cost(make_drone_experiment: M
     measures = {"actor_success_rate", "obstacle_dearer", "closeness_dearer"}
     assert all(measures <= {name for name, value in row.items() if value is not None} for row in content["results"])
     report = (tmp_path / "out" / "report.md").read_text(encoding="utf-8")
-    assert "(soft actor-critic)" in report
+    assert "(continuous actions)" in report
     assert "| (1.5, 1.5) m, drone 1 |" in report
     assert {path.name for path in (tmp_path / "out").glob("*soft_actor_critic.png")} == {
         f"{kind}_soft_actor_critic.png" for kind in ("game", "learned", "rates", "consensus")

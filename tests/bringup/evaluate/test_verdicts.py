@@ -9,17 +9,20 @@ import pytest
 from mabirds_bringup.commands.demonstrations import demonstrations_of
 from mabirds_bringup.commands.simulate import simulate_from_bag
 from mabirds_bringup.evaluate.evaluation import Evaluation, distance_to_experts, evaluate
-from mabirds_bringup.evaluate.held_out import HeldOut
+from mabirds_bringup.evaluate.held_out import HeldOut, draw_held_out
 from mabirds_bringup.evaluate.verdicts import ROLLOUTS, verdicts
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.experiment.assembly import build_game, build_reward, evaluation_policy
 from mabirds_core.experiment.file import Experiment, load_experiment
 from mabirds_core.experiment.simulate import History
+from mabirds_core.games.drones.demonstrated import log_ratios, straight_log_ratios
 from mabirds_core.games.drones.lattice import LatticePlanner
 from mabirds_core.games.drones.rollouts import drone_rollouts
 
 JUDGES = ["hexagonal 0.125 m", "square 0.112 m", "hexagonal 0.094 m"]
 """Of drones that fly .25 m in a step."""
+
+NOBODY = HeldOut(None, None)
 
 Learned = tuple[Experiment, History, Evaluation]
 
@@ -47,13 +50,19 @@ def test_a_verdict_is_that_of_a_plan_made_by_hand(learned: Learned) -> None:
     flights = drone_rollouts(game, policy, 50, np.random.default_rng(0))
     assert verdict.certificate == pytest.approx(0, abs=0.1)
     assert np.abs(policy.residuals(flights)).max() < 0.1
+    shown = draw_held_out(experiment, game).demonstrations
+    assert shown is not None
+    assert verdict.held_out_log_likelihood == pytest.approx(log_ratios(policy, shown).mean())
+    assert verdict.fixed_log_likelihood == pytest.approx(max(0.0, straight_log_ratios(policy, shown).mean()))
 
 
 def test_without_rewards_no_start_is_worth_anything(learned: Learned) -> None:
     experiment, history, evaluation = learned
     name, at = experiment.learners[0], history[experiment.learners[0]][-1]
-    found = verdicts(experiment, build_game(experiment), {name: Parameters(0 * at.theta, 0 * at.omega)})[name]
+    nothing = Parameters(0 * at.theta, 0 * at.omega)
+    found = verdicts(experiment, build_game(experiment), NOBODY, {name: nothing})[name]
     assert [verdict.value for verdict in found.values()] == pytest.approx([0.0] * 3, abs=1e-3)
+    assert all(verdict.held_out_log_likelihood is verdict.fixed_log_likelihood is None for verdict in found.values())
     assert all(abs(verdict.value or 0.0) > 1e-2 for verdict in evaluation.verdicts[name].values())
 
 
@@ -69,7 +78,7 @@ def test_learners_that_agree_are_judged_once(learned: Learned, monkeypatch: pyte
         return plan(planner, *nothing)
 
     monkeypatch.setattr(LatticePlanner, "plan", counted)
-    verdicts(experiment, build_game(experiment), {name: at, other: at._replace(omega=at.omega + 1e-9)})
+    verdicts(experiment, build_game(experiment), NOBODY, {name: at, other: at._replace(omega=at.omega + 1e-9)})
     assert len(plans) == 6
 
 
@@ -94,6 +103,5 @@ def test_what_drones_learned_is_held_against_what_takes_no_learning(learned: Lea
         for at in (history[name][-1], history[name][0])
     )
     assert 0 < (near or 0.0) < (far or 0.0) < 1
-    nobody = HeldOut(None, None)
-    assert nobody.fixed_log_likelihoods(game, policy) == {}
-    assert distance_to_experts(experiment, game, policy, nobody) is None
+    assert NOBODY.fixed_log_likelihoods(game, policy) == {}
+    assert distance_to_experts(experiment, game, policy, NOBODY) is None

@@ -13,7 +13,9 @@ from identity import assert_same_histories
 
 from mabirds_bringup.commands.report import check, report
 from mabirds_bringup.commands.simulate import simulate, simulate_from_bag
-from mabirds_bringup.evaluate import results
+from mabirds_bringup.evaluate import policies, results
+from mabirds_bringup.evaluate.verdicts import Verdict
+from mabirds_bringup.exit_codes import INCOMPLETE
 from mabirds_bringup.run.stored_run import RunPlan, begin, find_run, load_run, locked, write_experiment
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.digest import arrays_digest
@@ -67,6 +69,35 @@ def test_a_run_may_be_evaluated_later(make_experiment: Callable[..., Path], tmp_
     assert report([later]) == 0
     assert summary_of(later) == {**summary_of(tmp_path / "at_once" / "latest"), "wall_seconds": before["wall_seconds"]}
     assert (later / "metrics.csv").read_bytes() == (tmp_path / "at_once" / "latest" / "metrics.csv").read_bytes()
+
+
+def test_what_learners_ended_with_is_told_before_others_judge_it(
+    make_drone_experiment: Callable[..., Path],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    """Verdicts take long; whoever does not wait for them has rates, and `mabirds report` asks for them later."""
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(policies, "verdict", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            simulate(make_drone_experiment(iterations=3), out=tmp_path)
+    directory = (tmp_path / "latest").resolve()
+    before = summary_of(directory)
+    assert (before["complete"], before["to_be_judged"], before["learners"]["learner_1"]["judges"]) == (True, 12, {})
+    monkeypatch.setattr(policies, "verdict", lambda *_: Verdict(0.1, 0.9, 0.0, 0.0, 1.0, None))
+    assert (check(directory), report([directory]), check(directory)) == (INCOMPLETE, 0, 0)
+    assert "summary.json lacks 12 policies that were to be judged" in capfd.readouterr().err
+    after = summary_of(directory)
+    assert "to_be_judged" not in after
+    for name, learner in after["learners"].items():
+        assert len(learner["judges"]) == 3
+        for rate in ("violation_rate", "success_rate", "held_out_log_likelihood", "occupancy_distance"):
+            assert before["learners"][name][rate] == learner[rate]
 
 
 def a_record_is_gone(directory: Path) -> None:
@@ -127,7 +158,7 @@ def test_an_interrupted_evaluation_keeps_what_was_judged(
     judged = list[Any]()
 
     def interrupted(*arguments: Any) -> Any:
-        experiment, history, demonstrations, on_row, known, judge = arguments
+        experiment, history, demonstrations, on_row, known, judge, _ = arguments
         assert [row.iteration for row in known] == judged
 
         def on_each(row: Any) -> None:

@@ -144,7 +144,8 @@ def test_a_status_of_a_newer_version_is_shown_too(experiment: Experiment, monito
     assert "state 99?" in plain_line(experiment, monitor)
 
 
-VERDICT = {"violation_rate": 0.125, "success_rate": 0.875, "value": 12.5, "certificate": None}
+NATS = {"held_out_log_likelihood": 1.5, "fixed_log_likelihood": None}
+VERDICT = {"violation_rate": 0.125, "success_rate": 0.875, "value": 12.5, "certificate": None, **NATS}
 
 
 def test_verdicts_are_a_table_of_their_own() -> None:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mabirds_bringup.bench.comparison import Comparison
+from mabirds_bringup.bench.comparison import SETTLED, Comparison
 from mabirds_bringup.bench.results import CaseResult, MetricsRow, curve, entries, points
 from mabirds_bringup.bench.study import Case
 from mabirds_bringup.evaluate.held_out import HeldOut
@@ -32,6 +32,21 @@ DIGITS = 6
 """Decimals of learned parameters in the results; far finer than any picture shows."""
 
 
+class OwnPolicy(NamedTuple):
+    """A policy that a learner planned.
+
+    Attributes
+    ----------
+    rates : ImitationMetrics
+        Its CVR and SR.
+    gap : float or None
+        By how much it earns less than V_0 says, in nats, where it knows.
+    """
+
+    rates: ImitationMetrics
+    gap: float | None
+
+
 @dataclass(frozen=True)
 class LearnedCase:
     """One case with one seed, learned.
@@ -44,8 +59,8 @@ class LearnedCase:
         theta and omega of each learner or method.
     progress : Mapping
         Its updates, without policies, which fill the memory.
-    own_rates : Mapping
-        CVR and SR of the policies that it planned itself, where they were asked for.
+    own : Mapping
+        Policies that learners planned, by name and iteration.
     peak_memory : float
         Of the process that learned [MB].
     """
@@ -55,7 +70,7 @@ class LearnedCase:
     streams: Streams
     history: History
     progress: Mapping[str, Sequence[Progress]]
-    own_rates: Mapping[str, list[ImitationMetrics]]
+    own: Mapping[str, Mapping[int, OwnPolicy]]
     peak_memory: float
 
 
@@ -92,19 +107,20 @@ def run_case(case: Case, seed: int) -> list[CaseResult]:
     list of CaseResult
         One per learner. By iteration, also after closing rounds: ``violation_rate`` and ``success_rate`` of the
         policies that theta and omega mean; ``consensus_theta`` and ``consensus_omega``, largest distance of a learner
-        of the case from their mean. By update: ``seconds``; ``actor_violation_rate`` and ``actor_success_rate`` of the
-        policies that the learner planned. At the end: constraint errors by the threshold, work, ``peak_memory`` of the
-        process with all learners of the case [MB], ``policy_distance``, largest total variation distance of two
-        learners, ``same_constraints``, 1 where all learners have one constraint set, ``theta[k]``, ``omega[k]``, the
-        game's own measures, what ``measures`` says of the behaviour and of constraints by the game's test, and what
-        planners that took no part find (``_verdict_rows``).
+        of the case from their mean. By update: ``seconds``; ``actor_violation_rate``, ``actor_success_rate`` and
+        ``actor_gap`` of policies that the learner planned, every ``judged_every``-th; ``late_actor_gap``, the largest
+        after SETTLED. At the end: constraint errors by the threshold, work, ``peak_memory`` of the process with all
+        learners of the case [MB], ``policy_distance``, largest total variation distance of two learners,
+        ``same_constraints``, 1 where all learners have one constraint set, ``theta[k]``, ``omega[k]``, the game's own
+        measures, what ``measures`` says of the behaviour and of constraints by the game's test, and what planners that
+        took no part find (``_verdict_rows``).
     """
     learned = learn(case, case.seeded(seed))
     compared = Comparison.of(learned.experiment, learned.game, learned.streams, optimum=case.optimum)
     judged = {name: _judged(learned, name, case, compared.held_out) for name in learned.history}
     agreement = [*_agreement(learned, [of.policy for of in judged.values()], case.rollouts)]
     final = {name: parameters[-1] for name, parameters in learned.history.items()}
-    told = verdicts(learned.experiment, learned.game, final)
+    told = verdicts(learned.experiment, learned.game, compared.held_out, final)
     results = []
     for name, of in judged.items():
         measured = compared.measures(name, learned.history[name][-1], of.policy, of.rates)
@@ -124,19 +140,21 @@ def learn(case: Case, experiment: Experiment) -> LearnedCase:
     """Demonstrations are drawn, and learned from by the case's method."""
     game = build_game(experiment)
     streams, progress = drawn_streams(experiment, game), defaultdict[str, list[Progress]](list)
-    own_rates = defaultdict[str, list[ImitationMetrics]](list)
+    own = defaultdict[str, dict[int, OwnPolicy]](dict)
 
     def keep(update: Progress) -> None:
         progress[update.name].append(update._replace(policy=None))
-        if case.own_policies:
-            count = _rollouts(case.rollouts, len(progress[update.name]) == experiment.iterations)
-            own_rates[update.name].append(known_rates(game.judge, update.policy, experiment.seed, count))
+        n, last = len(progress[update.name]) - 1, len(progress[update.name]) == experiment.iterations
+        if case.own_policies and (last or n % case.judged_every == 0):
+            rates = known_rates(game.judge, update.policy, experiment.seed, _rollouts(case.rollouts, last))
+            gap = update.policy.gap(experiment.seed) if hasattr(update.policy, "gap") else None
+            own[update.name][n] = OwnPolicy(rates, gap)
 
     if case.method:
         history = simulate_central(experiment, case.method, streams, keep)
     else:
         history = simulate(experiment, streams, keep)
-    return LearnedCase(experiment, game, streams, history, progress, own_rates, peak_memory())
+    return LearnedCase(experiment, game, streams, history, progress, own, peak_memory())
 
 
 def peak_memory() -> float:
@@ -163,13 +181,22 @@ def _judged(learned: LearnedCase, name: str, case: Case, held_out: HeldOut) -> J
     return Judged(rates, nats, policy)
 
 
+OF_JUDGES = {
+    "judge_success": "success_rate",
+    "judge_violation": "violation_rate",
+    "judge_value": "value",
+    "judge_gap": "certificate",
+    "judge_nats": "held_out_log_likelihood",
+    "judge_fixed": "fixed_log_likelihood",
+}
+"""Names of measures, and where a verdict has them."""
+
+
 def _verdict_rows(found: Verdicts, last: int) -> Iterator[MetricsRow]:
-    """By judging planner SR, CVR, V_0 and its gap; of all of them the worst, and how far their V_0 are apart."""
+    """By judging planner what verdicts have; of all of them the worst rates, and how far their V_0 are apart."""
     measures = {
-        "judge_success": {judge: of.success_rate for judge, of in found.items() if of.success_rate is not None},
-        "judge_violation": {judge: of.violation_rate for judge, of in found.items() if of.violation_rate is not None},
-        "judge_value": {judge: verdict.value for judge, verdict in found.items() if verdict.value is not None},
-        "judge_gap": {judge: of.certificate for judge, of in found.items() if of.certificate is not None},
+        measure: {judge: value for judge, of in found.items() if (value := getattr(of, field)) is not None}
+        for measure, field in OF_JUDGES.items()
     }
     yield from entries(last, **measures)
     if measures["judge_success"]:
@@ -197,7 +224,12 @@ def _constraints(learned: LearnedCase, name: str) -> Mask:
 def _rows(learned: LearnedCase, name: str, judged: Judged) -> Iterator[MetricsRow]:
     progress, last, game = learned.progress[name], learned.history[name][-1], learned.game
     yield from _rates("", judged.rates)
-    yield from _rates("actor_", dict(enumerate(learned.own_rates.get(name, []))))
+    own = learned.own.get(name, {})
+    yield from _rates("actor_", {n: of.rates for n, of in own.items()})
+    gaps = {n: of.gap for n, of in own.items() if of.gap is not None}
+    yield from points("actor_gap", gaps)
+    if late := [gap for n, gap in gaps.items() if n > SETTLED]:
+        yield MetricsRow(max(gaps), "late_actor_gap", max(late))
     yield from points("held_out_nats", judged.nats)
     yield from curve("seconds", [update.seconds for update in progress], first=1)
     yield from entries(

@@ -15,6 +15,9 @@ EXPERIMENTS = ("ros_ws/config/patrol.yaml", "ros_ws/config/discrete.yaml")
 def online(
     iterations: Annotated[int, typer.Option(help="Of each run.", min=20)] = 150,
     repetitions: Annotated[int, typer.Option(help="Of each method, in turns.", min=1)] = 3,
+    share: Annotated[
+        float, typer.Option(help="Of a processor for each process, as if each had one of its own.", min=0.05, max=1.0)
+    ] = 1.0,
     as_json: Json = False,
 ) -> None:
     """Find the highest rate of demonstrations at which no backlog grows: of learners, BICS, FTL and DLM.
@@ -22,13 +25,13 @@ def online(
     Example: mabirds bench online --iterations 60 --repetitions 1 --json
     """
     with guarded_output() as stdout:
-        content = measured(iterations, repetitions)
+        content = measured(iterations, repetitions, share)
         tell_targets(content["targets"])
         if as_json:
             print_json(content, stdout)
 
 
-def measured(iterations: int, repetitions: int) -> dict[str, Any]:
+def measured(iterations: int, repetitions: int, share: float = 1.0) -> dict[str, Any]:
     """Run all methods, one after the other.
 
     Parameters
@@ -37,6 +40,8 @@ def measured(iterations: int, repetitions: int) -> dict[str, Any]:
         Of each run.
     repetitions : int
         Of each method.
+    share : float, optional
+        Of a processor that each process gets; 1: what is there.
 
     Returns
     -------
@@ -56,5 +61,5 @@ def measured(iterations: int, repetitions: int) -> dict[str, Any]:
     send_to_this_host()  # as `mabirds run` does
     config = Path(mabirds_bringup.__file__).parent / "config"
     files = {Path(name).stem: config / Path(name).name for name in EXPERIMENTS}
-    results = {name: compare(file, iterations, repetitions) for name, file in files.items()}
-    return {"machine": machine("numpy", "ros-rclpy"), "results": results, "targets": targets(results)}
+    results = {name: compare(file, iterations, repetitions, share) for name, file in files.items()}
+    return {"machine": machine("numpy", "ros-rclpy"), "share": share, "results": results, "targets": targets(results)}

@@ -61,6 +61,7 @@ def evaluate(
     on_judged: OnJudged = lambda _: None,
     judged: Sequence[LearnerMetrics] = (),
     judge: PolicyJudge | None = None,
+    tasks: Sequence[Task] | None = None,
 ) -> Evaluation:
     """Judge theta(n), omega(n) of all learners by the game's judge; in parallel, where that takes long.
 
@@ -78,6 +79,8 @@ def evaluate(
         What is known already: of judging while it was learned, or of an evaluation that was interrupted.
     judge : PolicyJudge, optional
         Of the experiment, where one is ready.
+    tasks : Sequence[Task], optional
+        Those of ``tasks_of`` that are to be judged; None: all.
 
     Returns
     -------
@@ -86,8 +89,8 @@ def evaluate(
     """
     judge = judge or PolicyJudge(experiment)
     game, held_out, final = judge.game, judge.held_out, {name: of[-1] for name, of in history.items()}
-    told = _told(judge, history, judged, on_judged)
     finals = judge_finals(judge, final, demonstrations, _updates(experiment, history))
+    told = _told(judge, tasks_of(judge, history) if tasks is None else tasks, judged, on_judged)
     together = list(zip(*history.values(), strict=False))
     return Evaluation(
         [*told.rows.values()],
@@ -203,9 +206,8 @@ class _Told(NamedTuple):
     verdicts: dict[tuple[str, str], Verdict]
 
 
-def _told(judge: PolicyJudge, history: History, known: Sequence[LearnerMetrics], on_judged: OnJudged) -> _Told:
+def _told(judge: PolicyJudge, tasks: Sequence[Task], known: Sequence[LearnerMetrics], on_judged: OnJudged) -> _Told:
     """Judge what is not known."""
-    tasks = tasks_of(judge, history)
     rows, verdicts = {(row.learner, row.iteration): row for row in known}, dict[tuple[str, str], Verdict]()
     new = judge_all(judge, [task for task in tasks if task.planner or task.row not in rows])
     for task in tasks:

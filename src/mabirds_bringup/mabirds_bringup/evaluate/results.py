@@ -1,16 +1,18 @@
 """After the learning: evaluate, and fill the run directory."""
 
+from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from mabirds_bringup.console import console, judges_table, progress_bar, summary_table
-from mabirds_bringup.evaluate.evaluation import evaluate, summary, tasks_of
-from mabirds_bringup.evaluate.policies import LearnerMetrics, PolicyJudge
+from mabirds_bringup.evaluate.evaluation import Evaluation, OnJudged, evaluate, summary, tasks_of
+from mabirds_bringup.evaluate.policies import LearnerMetrics, PolicyJudge, Task
 from mabirds_bringup.report.page import write_report
 from mabirds_bringup.report.said import said
 from mabirds_bringup.run import run_directory
-from mabirds_bringup.run.certificate import Certificate
+from mabirds_bringup.run.certificate import TO_BE_JUDGED, Certificate
 from mabirds_bringup.run.run_directory import JudgedRows
 from mabirds_core.consensus.assumptions import validate
 from mabirds_core.consensus.schedule import DeliveredEdges, EdgeSchedule, delivered_edges, edge_mismatches
@@ -60,6 +62,46 @@ def delivery_of(experiment: Experiment, edges: DeliveredEdges, mass_residual: fl
     return Delivery(edges, found if mass_residual is None else found | {"mass_residual": mass_residual})
 
 
+@dataclass(frozen=True)
+class _Results:
+    """What came of a history, and whence it is told."""
+
+    experiment: Experiment
+    history: History
+    demonstrations: Streams
+    directory: Path
+    seconds: float
+    certificate: Certificate
+    delivery: Delivery | None
+    judge: PolicyJudge
+
+    def evaluated(self, tasks: Sequence[Task], rows: JudgedRows, on_judged: OnJudged = lambda _: None) -> Evaluation:
+        """Judge what of ``tasks`` is not known, and keep each row as soon as it is."""
+
+        def keep(row: LearnerMetrics | None) -> None:
+            on_judged(row)
+            if row is not None:
+                rows.add(row)
+
+        known = [*rows.known.values()]
+        return evaluate(self.experiment, self.history, self.demonstrations, keep, known, self.judge, tasks)
+
+    def is_last(self, task: Task) -> bool:
+        """Of what a learner or method ended with?"""
+        return task.iteration == len(self.history[task.learner])
+
+    def tell(self, evaluation: Evaluation, to_be_judged: int) -> dict[str, Any]:
+        """Write, show and return the summary."""
+        content = {**self.certificate.content, **summary(self.experiment, evaluation, self.seconds)}
+        if self.delivery is not None:
+            content["delivered_graph"] = self.delivery.audit
+        if to_be_judged:
+            content[TO_BE_JUDGED] = to_be_judged
+        run_directory.write_json(self.directory / "summary.json", content)
+        _show(content, self.directory)
+        return content
+
+
 def write_results(  # noqa: PLR0913, PLR0917 - all that a run directory tells
     experiment: Experiment,
     history: History,
@@ -74,23 +116,19 @@ def write_results(  # noqa: PLR0913, PLR0917 - all that a run directory tells
 
     ``demonstrations``: each learner's. ``certificate``: what the history is worth. ``delivery``: of a network's run.
     ``judge``: one that is ready, if there is. Where it is interrupted, what was judged is kept for the next time.
+    Verdicts of other planners take long, so that there is a summary without them before.
     """
     judge = judge or PolicyJudge(experiment)
+    results = _Results(experiment, history, demonstrations, directory, seconds, certificate, delivery, judge)
+    tasks = tasks_of(judge, history)
     with JudgedRows(directory) as rows, progress_bar() as bar:
-        task = bar.add_task("evaluating", total=len(tasks_of(judge, history)))
-
-        def on_judged(row: LearnerMetrics | None) -> None:
-            bar.advance(task)
-            if row is not None:
-                rows.add(row)
-
-        evaluation = evaluate(experiment, history, demonstrations, on_judged, [*rows.known.values()], judge)
-    content = {**certificate.content, **summary(experiment, evaluation, seconds)}
-    if delivery is not None:
-        content["delivered_graph"] = delivery.audit
+        if any(task.planner for task in tasks):
+            first = [task for task in tasks if not task.planner and (results.is_last(task) or task.row in rows.known)]
+            results.tell(results.evaluated(first, rows), len(tasks) - len(first))
+        progress = bar.add_task("evaluating", total=len(tasks))
+        evaluation = results.evaluated(tasks, rows, lambda _: bar.advance(progress))
     run_directory.write_metrics(directory, evaluation)
-    run_directory.write_json(directory / "summary.json", content)
-    _show(content, directory)
+    content = results.tell(evaluation, 0)
 
     from mabirds_bringup.report.figures import save_delivery, save_figures  # matplotlib takes a second to load
 
@@ -104,8 +142,11 @@ def write_results(  # noqa: PLR0913, PLR0917 - all that a run directory tells
 
 
 def _show(content: dict[str, Any], directory: Path) -> None:
-    """The summary, for people."""
+    """The summary, for people; of one that is not the last only the rates."""
     console.print(summary_table(content))
+    if left := content.get(TO_BE_JUDGED):
+        console.print(f"{left} policies are still to be judged, by planners that took no part and on the way")
+        return
     if (judges := judges_table(content)) is not None:
         console.print(judges)
     show_missing(content, directory)

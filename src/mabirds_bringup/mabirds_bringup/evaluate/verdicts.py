@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+from mabirds_bringup.evaluate.held_out import HeldOut
 from mabirds_core.algorithm.parameters import Parameters
 from mabirds_core.experiment.assembly import reward_of
 from mabirds_core.experiment.file import Experiment
@@ -23,12 +24,18 @@ class Verdict(NamedTuple):
         Mean value V_0 of the starts [nats].
     certificate : float or None
         By how much the policy's rollouts miss that value [nats].
+    held_out_log_likelihood : float or None
+        Of a held-out demonstration, as this planner follows it [nats]; None without any.
+    fixed_log_likelihood : float or None
+        That of the likeliest policy that takes no learning.
     """
 
     violation_rate: float | None
     success_rate: float | None
     value: float | None
     certificate: float | None
+    held_out_log_likelihood: float | None
+    fixed_log_likelihood: float | None
 
 
 Verdicts = Mapping[str, Verdict]
@@ -41,7 +48,9 @@ def numbers_of(experiment: Experiment, name: str, parameters: Parameters) -> byt
     return whose + b"".join(values.tobytes() for values in parameters)
 
 
-def verdicts(experiment: Experiment, game: Game, final: Mapping[str, Parameters]) -> dict[str, Verdicts]:
+def verdicts(
+    experiment: Experiment, game: Game, held_out: HeldOut, final: Mapping[str, Parameters]
+) -> dict[str, Verdicts]:
     """Judge by all planners that the game has for it.
 
     Parameters
@@ -50,6 +59,8 @@ def verdicts(experiment: Experiment, game: Game, final: Mapping[str, Parameters]
         What was learned.
     game : Game
         Of the experiment.
+    held_out : HeldOut
+        Demonstrations that nobody learned from.
     final : Mapping[str, Parameters]
         theta and omega by learner or method.
 
@@ -59,7 +70,7 @@ def verdicts(experiment: Experiment, game: Game, final: Mapping[str, Parameters]
         By learner or method. Learners that ended with the same numbers are judged once.
     """
     asked = asked_of(experiment, game, final)
-    return assembled(experiment, final, {of: verdict(experiment, game, *of, final[of[0]]) for of in asked})
+    return assembled(experiment, final, {of: verdict(experiment, game, held_out, *of, final[of[0]]) for of in asked})
 
 
 def asked_of(experiment: Experiment, game: Game, final: Mapping[str, Parameters]) -> list[tuple[str, str]]:
@@ -110,7 +121,9 @@ def assembled(
     return {name: found.get(numbers_of(experiment, name, parameters), {}) for name, parameters in final.items()}
 
 
-def verdict(experiment: Experiment, game: Game, name: str, planner: str, parameters: Parameters) -> Verdict:
+def verdict(
+    experiment: Experiment, game: Game, held_out: HeldOut, name: str, planner: str, parameters: Parameters
+) -> Verdict:
     """One planner's verdict.
 
     Parameters
@@ -119,6 +132,8 @@ def verdict(experiment: Experiment, game: Game, name: str, planner: str, paramet
         What was learned.
     game : Game
         Of the experiment.
+    held_out : HeldOut
+        Demonstrations that nobody learned from.
     name : str
         Of the learner or method.
     planner : str
@@ -134,7 +149,14 @@ def verdict(experiment: Experiment, game: Game, name: str, planner: str, paramet
     judge, seed = game.judge, experiment.seed
     policy = _planners(experiment, game, name)[planner].plan(*parameters)
     violation, success = judge.imitation(policy, seed, ROLLOUTS) or (None, None)
-    return Verdict(violation, success, judge.value(policy, seed), judge.certificate(policy, seed))
+    return Verdict(
+        violation,
+        success,
+        judge.value(policy, seed),
+        judge.certificate(policy, seed),
+        held_out.log_likelihood(game, policy),
+        max(held_out.fixed_log_likelihoods(game, policy).values(), default=None),
+    )
 
 
 def _planners(experiment: Experiment, game: Game, name: str) -> Mapping[str, Any]:

@@ -109,6 +109,8 @@ def judged(summary: Mapping[str, Any]) -> list[list[str]]:
             *(shown(verdict[rate], ".3f") for rate in ("violation_rate", "success_rate")),
             shown(verdict["value"], ".2f"),
             shown(verdict["certificate"], ".3f"),
+            shown(verdict["held_out_log_likelihood"], ".2f"),
+            shown(verdict["fixed_log_likelihood"], ".2f"),
         ]
         for name, row in summary["learners"].items()
         for judge, verdict in row["judges"].items()

@@ -11,6 +11,9 @@ from mabirds_core.digest import arrays_digest
 from mabirds_core.errors import CheckpointError
 from mabirds_learner.checkpoint import CheckpointMetadata, newest_checkpoint
 
+TO_BE_JUDGED = "to_be_judged"
+"""In summary.json: how many policies nobody has judged yet."""
+
 
 @dataclass(frozen=True)
 class Certificate:
@@ -74,9 +77,11 @@ def _differences(run: StoredRun, name: str, kept: WatchedHistory) -> Iterator[st
 
 def contradictions(written: Mapping[str, Any], found: Certificate) -> list[str]:
     """What a summary says and the files of its run do not."""
-    content = found.content
-    return [
+    differ = [
         f"summary.json has {name} {written.get(name)!r}, the files say {value!r}"
-        for name, value in content.items()
+        for name, value in found.content.items()
         if name != "departed" and written.get(name) != value
     ]
+    if left := written.get(TO_BE_JUDGED):
+        differ.append(f"summary.json lacks {left} policies that were to be judged; `mabirds report` judges them")
+    return differ

@@ -26,7 +26,8 @@ CONTENTS = {
     "experiment.yaml": "the experiment as it was at the start, with the place of its bag; a run goes on with this one",
     "summary.json": "whether the run is complete, the last iteration and the digest of the final parameters of each"
     " learner, digest of the bag; per learner CVR, SR, FPR, FNR and learned constraints; consensus distances; the"
-    " delivered graph, audited; wall time",
+    " delivered graph, audited; wall time; first without verdicts of other planners, with how much is"
+    " to_be_judged",
     "metrics.csv": "rates and consensus distances per learner and iteration",
     "report.html": "what was learned in words, rates, constraints, settings; one file, with its figures inside",
     "report.md": "the same as Markdown",

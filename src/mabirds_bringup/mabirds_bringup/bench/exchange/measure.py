@@ -98,7 +98,17 @@ def peak_megabytes(process: int) -> float:
 Command = Callable[[str], list[str]]
 
 
-def measure(file: Path, command: Command, directory: Path, method: str = "") -> dict[str, float]:
+def leave_alone(process: NodeProcess) -> None:
+    """What is done with a process that has been started: nothing."""
+
+
+def measure(
+    file: Path,
+    command: Command,
+    directory: Path,
+    method: str = "",
+    on_start: Callable[[NodeProcess], None] = leave_alone,
+) -> dict[str, float]:
     """Run a network to its end.
 
     Parameters
@@ -111,6 +121,8 @@ def measure(file: Path, command: Command, directory: Path, method: str = "") -> 
         For logs.
     method : str, optional
         A central one, whose process takes the place of all learners.
+    on_start : Callable[[NodeProcess], None], optional
+        Called with each process as soon as it runs.
 
     Returns
     -------
@@ -126,10 +138,13 @@ def measure(file: Path, command: Command, directory: Path, method: str = "") -> 
     names = [method] if method else list(experiment.learners)
     watch.listen(node, names)
     executor.add_node(node)
-    children = [processes.start(name, command(name), directory) for name in names]
+    commands = {name: command(name) for name in names}
+    commands["expert_player"] = processes.player_command(file, {"hz": HZ, "baseline": method})
+    children = list[NodeProcess]()
     try:
-        player = processes.player_command(file, {"hz": HZ, "baseline": method})
-        children.append(processes.start("expert_player", player, directory))
+        for name, words in commands.items():
+            children.append(processes.start(name, words, directory))
+            on_start(children[-1])
         _watch(watch, executor, children, experiment)
     finally:
         processes.stop(children)

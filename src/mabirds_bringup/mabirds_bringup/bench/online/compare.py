@@ -14,8 +14,10 @@ from typing import Any
 import yaml
 
 from mabirds_bringup.bench.exchange.measure import measure, prepared
+from mabirds_bringup.bench.online.shares import shared_out
 from mabirds_bringup.evaluate.parallel import processors
 from mabirds_bringup.run.processes import baseline_command, learner_command
+from mabirds_core.errors import MabirdsError
 from mabirds_core.experiment.file import load_experiment
 
 LEARNERS = "mabirds"
@@ -55,7 +57,7 @@ def lengthened(source: Path, directory: Path, iterations: int) -> Path:
     return prepared(file)
 
 
-def compare(source: Path, iterations: int, repetitions: int) -> Figures:
+def compare(source: Path, iterations: int, repetitions: int, share: float = 1.0) -> Figures:
     """Time all methods in turns.
 
     Parameters
@@ -66,6 +68,8 @@ def compare(source: Path, iterations: int, repetitions: int) -> Figures:
         Of each run.
     repetitions : int
         Of each method; the fastest is told, the ratio is a median.
+    share : float, optional
+        Of a processor that each process gets, in (0, 1]; 1: what is there.
 
     Returns
     -------
@@ -74,13 +78,14 @@ def compare(source: Path, iterations: int, repetitions: int) -> Figures:
         the player, by method; how many times the rival's rate learners have.
     """
     runs: defaultdict[str, list[Figures]] = defaultdict(list)
+    require_room(share, len(load_experiment(source).learners) + 1)
     with tempfile.TemporaryDirectory(prefix="mabirds-online-") as temporary:
         file = lengthened(source, Path(temporary) / "experiment", iterations)
         for number in range(repetitions):
             for method in METHODS:
                 logs = Path(temporary) / f"{method}_{number}"
                 central = "" if method == LEARNERS else method
-                runs[method].append(measure(file, partial(_command, file, central), logs, central))
+                runs[method].append(_measured(file, central, logs, share))
     fastest = {method: max(figures, key=lambda run: run["rate"]) for method, figures in runs.items()}
     keys = ("rate", "processor_milliseconds", "player_milliseconds")
     told = {f"{method}_{key}": run[key] for method, run in fastest.items() for key in keys}
@@ -91,6 +96,36 @@ def compare(source: Path, iterations: int, repetitions: int) -> Figures:
     }
     pairs = zip(runs[LEARNERS], runs[RIVAL], strict=True)
     return {**told, "times_of_rival": median(ours["rate"] / theirs["rate"] for ours, theirs in pairs)}
+
+
+def require_room(share: float, processes: int) -> None:
+    """Check that shares do not exceed what is there.
+
+    Parameters
+    ----------
+    share : float
+        Of a processor; 1: nobody is limited.
+    processes : int
+        That each get it.
+
+    Raises
+    ------
+    MabirdsError
+        They would.
+    """
+    if share < 1 and share * processes > processors():
+        raise MabirdsError(
+            f"--share {share:g}: {processes} processes would need {share * processes:g} processors, and there are"
+            f" {processors()}; at most {processors() / processes:.2f} is left for each"
+        )
+
+
+def _measured(file: Path, method: str, logs: Path, share: float) -> Figures:
+    command = partial(_command, file, method)
+    if share == 1:
+        return measure(file, command, logs, method)
+    with shared_out(share) as shares:
+        return measure(file, command, logs, method, shares.limit)
 
 
 def bound(run: Figures, processes: int) -> float:

@@ -86,5 +86,9 @@ SMALL = (SolveCase(5, 2, 15, {"share_of_reference": 0.5}, reference=True, peer=T
 ITERATIONS = {
     "ros_ws/config/discrete.yaml": {"milliseconds": 15.0},
     "ros_ws/config/patrol.yaml": {"milliseconds": 3.0},
+    "ros_ws/config/drones.yaml": {"milliseconds": 500.0},
 }
 """Limits on a learner's iteration in the shipped experiments, which the package has in its folder config."""
+
+MOST_UPDATES = 120
+"""Of all learners together: all of some experiments would take minutes."""

@@ -8,7 +8,7 @@ from time import process_time
 import numpy as np
 
 import mabirds_bringup
-from mabirds_bringup.bench.solve.cases import SolveCase, weights
+from mabirds_bringup.bench.solve.cases import MOST_UPDATES, SolveCase, weights
 from mabirds_bringup.bench.solve.peer import of_states, peer_solve
 from mabirds_bringup.bench.solve.solving import fastest, solve
 from mabirds_core.arrays import Vector
@@ -121,7 +121,9 @@ def iteration(name: str) -> dict[str, float]:
     """
     file = Path(mabirds_bringup.__file__).parent / "config" / Path(name).name
     experiment, times = load_experiment(file), list[float]()
+    iterations = min(experiment.iterations, MOST_UPDATES // len(experiment.learners))
+    experiment = experiment.model_copy(update={"iterations": iterations})
     streams = expert_streams(experiment, build_game(experiment))
-    shown = {learner: list(itertools.islice(stream, experiment.iterations)) for learner, stream in streams.items()}
+    shown = {learner: list(itertools.islice(stream, iterations)) for learner, stream in streams.items()}
     simulate(experiment, shown, lambda _: times.append(process_time()))
     return {"milliseconds": 1e3 * float(np.median(np.diff(times)))}
