@@ -111,7 +111,41 @@ def test_a_learners_process_does_not_load_what_it_does_not_need() -> None:
     loaded = loaded_by("import mabirds_learner.learner_node")
     assert {"mabirds_learner", "mabirds_core", "rclpy", "numpy"} <= loaded
     assert loaded.isdisjoint({"torch", "matplotlib", "rosbags", "scipy", "networkx", "typer", "rich"})
+    assert loaded.isdisjoint({"polars", "jinja2", "cryptography", "mcap", "unittest", "xml", "difflib", "lark"})
     assert loaded.isdisjoint({"mabirds_bringup", "mabirds_expert_player"})
+
+
+OF_OTHERS = (
+    "mabirds_core.baselines.bics",
+    "mabirds_core.baselines.interface",
+    "mabirds_core.costs.network",
+    "mabirds_core.games.drones",
+    "mabirds_core.games.patrol.held_out",
+    "mabirds_core.games.patrol.scene",
+    "mabirds_core.games.tabular.experts",
+    "mabirds_core.games.tabular.judge",
+    "mabirds_core.planners.soft_q_learning",
+    "mabirds_learner.push_sum_exchange",
+    "mabirds_msgs_py.mass_conversion",
+)
+"""Parts of reports, players, central methods, other games and other modes."""
+
+
+def test_a_learner_that_is_ready_has_loaded_nothing_of_others() -> None:
+    file = SOURCES.parent / "ros_ws" / "config" / "patrol.yaml"
+    program = f"""
+import sys
+from pathlib import Path
+import mabirds_learner.learner_node
+from mabirds_core.experiment.assembly import build_learner
+from mabirds_core.experiment.file import load_experiment
+build_learner(load_experiment(Path({str(file)!r})), "learner_1")
+print(*sys.modules)
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=True)
+    loaded = set(done.stdout.split())
+    assert {"mabirds_learner.strict_exchange", "mabirds_core.games.patrol.game"} <= loaded
+    assert loaded.isdisjoint(OF_OTHERS)
 
 
 def test_an_experiment_loads_the_modules_of_its_own_game_alone() -> None:
@@ -128,15 +162,7 @@ print(*sorted(games))
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=True)
     games = set(done.stdout.split())
     assert {"patrol.game", "patrol.settings"} <= games
-    assert {name for name in games if name.startswith("drones.")} == {
-        "drones.geometry",
-        "drones.kind",
-        "drones.named_costs",
-        "drones.regions",
-        "drones.settings",
-        "drones.space",
-        "drones.planner_settings",
-    }
+    assert {name for name in games if name.startswith("drones.")} == set()
 
 
 def test_core_loads_without_ros() -> None:

@@ -2,9 +2,10 @@
 # Run tests with every other CPython from 3.11 to 3.13 that is here, by name or among pyenv's: each in a copy of the
 # sources, build/pythonX.Y, with an environment of its own; what they print is in build/pythonX.Y.log.
 # usage: tools/other_pythons.sh PYTHON [PYTEST ARGUMENT ...]    (PYTHON: which has been tested already)
+#        tools/other_pythons.sh PYTHON --no-tests               (make their environments and leave it at that)
 set -euo pipefail
 if [ $# -eq 0 ]; then
-  sed -n 2,4p "$0" >&2
+  sed -n 2,5p "$0" >&2
   exit 2
 fi
 cd "$(dirname "$0")/.."
@@ -22,14 +23,26 @@ find_python() {
   return 1
 }
 
+copy_sources() { # COPY
+  local before=$1/build/sources now=$1/build/sources.new
+  [ -e "$before" ] || rm -rf "$1"
+  mkdir -p "$1/build"
+  git ls-files -z --cached --others --exclude-standard --deduplicate | LC_ALL=C sort -z >"$now"
+  if [ -e "$before" ]; then # what was deleted must not be tested; what set-up built must stay
+    LC_ALL=C comm -z -23 "$before" "$now" | (cd "$1" && xargs -0 rm -f)
+  fi
+  tar --create --null --files-from "$now" | tar --extract -C "$1"
+  mv "$now" "$before"
+}
+
 test_with() { # VERSION PYTHON DOMAINS [PYTEST ARGUMENT ...]
   local copy=build/python$1 python=$2 domains=$3
   shift 3
-  mkdir -p "$copy"
-  find "$copy" -mindepth 1 -maxdepth 1 ! -name .venv -exec rm -rf {} + # what was deleted must not be tested
-  git ls-files -z --cached --others --exclude-standard | tar --create --null --files-from - | tar --extract -C "$copy"
+  copy_sources "$copy"
   make -C "$copy" setup PYTHON="$python"
-  (cd "$copy" && MABIRDS_TEST_DOMAINS=$domains .venv/bin/python -m pytest "$@")
+  if [ "$*" != --no-tests ]; then
+    (cd "$copy" && MABIRDS_TEST_DOMAINS=$domains .venv/bin/python -m pytest "$@")
+  fi
 }
 
 mkdir -p build

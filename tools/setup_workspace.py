@@ -55,10 +55,11 @@ PLACE = f"{VENV} {sys.base_prefix} {MACHINE}"  # what .venv is made for
 
 BEGUN: dict[int, float] = {}  # when each step began, by the steady clock; the last is the present one
 
-# Where packages come from is the user's to say; other settings of pip (user, target, no-deps ...) do harm.
+# Where packages come from is the user's to say, and whether all of them are compiled beforehand, which is half of the
+# work; other settings of pip (user, target, no-deps ...) do harm.
 PIP_SETTING_KEPT = re.compile(
     r"[^=]*\.((?:extra-)?index-url|find-links|no-index|trusted-host|(?:client-)?cert|proxy|"
-    r"(?:default-)?timeout|retries|(?:no-)?cache-dir|keyring-provider)=(.*)"
+    r"(?:default-)?timeout|retries|(?:no-)?cache-dir|keyring-provider|no-compile)=(.*)"
 )
 # Left by another ROS installation or virtual environment, these would mix it into the build.
 DROPPED = r"PIP_.*|PYTHON(PATH|HOME)|(AMENT|CMAKE)_PREFIX_PATH|_ROS_WHEELS_BOOTSTRAP_COMPLETE"

@@ -26,6 +26,7 @@ FROM_WHEELS = {
     "std_msgs": "ros-jazzy-common-interfaces",
     "visualization_msgs": "ros-jazzy-common-interfaces",
     "PIL": "pillow",
+    "pydantic_core": "pydantic",
     "rosgraph_msgs": "ros-jazzy-rclpy",
     "yaml": "pyyaml",
 }

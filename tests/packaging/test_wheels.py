@@ -98,6 +98,9 @@ def experiments(programs: Path, tmp_path_factory: pytest.TempPathFactory) -> Pat
     shutil.copytree(REPOSITORY / "bags", place / "bags")
     (config,) = programs.parent.glob("lib/python*/site-packages/mabirds_bringup/config")
     shutil.copytree(config, place / "my" / "experiments")
+    unguided = (config / "drones_sac.yaml").read_text(encoding="utf-8")
+    unguided = unguided.replace("kind: soft_actor_critic", "kind: soft_actor_critic, guide: none")
+    (place / "my" / "experiments" / "networks.yaml").write_text(unguided, encoding="utf-8")
     return place / "my" / "experiments"
 
 
@@ -187,7 +190,8 @@ def test_an_experiment_outside_the_repository_is_learned(programs: Path, experim
     ("command", "experiment", "remedy"),
     [
         (["simulate"], "drones.yaml", "pip install 'mabirds_core[drones]'"),
-        (["simulate"], "drones_sac.yaml", "pip install 'mabirds_core[sac]'"),
+        (["simulate"], "drones_sac.yaml", "pip install 'mabirds_core[drones]'"),
+        (["simulate"], "networks.yaml", "pip install 'mabirds_core[sac]'"),
         (["record", "--bag", "bag"], "drones.yaml", "pip install 'mabirds_core[drones]'"),
         (["security", "create", "--keystore", "keystore"], "patrol.yaml", "pip install 'mabirds_bringup[security]'"),
     ],
