@@ -79,7 +79,8 @@ def rewards(guide: Guide, counts: list[int]) -> Array:
     for coupling in guide.couplings:
         scaled = tuple((of, weights / guide.temperature) for of, weights in coupling.lattice.rewards)
         first, second = (drone.nodes for drone in coupling.lattice.drones)
-        found.append(pair_rewards(first, second, scaled).astype(np.float64))
+        at = np.ogrid[: first.size, : second.size]
+        found.append(pair_rewards(first, second, scaled, at).astype(np.float64))
     one, two, three = counts
     return found[0][:one, :two, None] + found[1][:one, None, :three] + found[2][None, :two, :three]
 

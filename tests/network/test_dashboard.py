@@ -29,6 +29,7 @@ BROWSER = pytest.mark.skipif(
     reason="the live page in a browser: no Chromium here (apt-get install chromium, or MABIRDS_CHROMIUM=/its/place)",
 )
 KEY = "the-key"
+ITERATIONS = 480  # two minutes at 4 Hz: the network still plays when a slow machine has opened its browser
 PHONE, DESKTOP = {"width": 390, "height": 844}, {"width": 1280, "height": 900}
 
 
@@ -43,7 +44,7 @@ def address(
     shared_ros_domain: int, make_shared_experiment: Callable[..., Path], tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[str]:
     """A network that plays slowly, and its page."""
-    file, logs, port = make_shared_experiment(iterations=60), tmp_path_factory.mktemp("logs"), free_port()
+    file, logs, port = make_shared_experiment(iterations=ITERATIONS), tmp_path_factory.mktemp("logs"), free_port()
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROS_DOMAIN_ID", str(shared_ros_domain))
         patch.delenv("PYTEST_CURRENT_TEST", raising=False)  # by which nicegui would take itself for a part of the test
@@ -115,16 +116,16 @@ def test_numbers_are_those_published_and_controls_act(
         visit.page.locator("[data-testid=next]").click()
         most = max(learner.last_demonstration for learner in status.values())
         for name in status:
-            visit.wait_for_text(f"{name}-learned", rf"^{most}/60$")
+            visit.wait_for_text(f"{name}-learned", rf"^{most}/{ITERATIONS}$")
         status = settled(shared_ros_domain)
     for name in ("learner_1", "learner_2"):
-        visit.wait_for_text(f"{name}-learned", rf"^{status[name].last_demonstration}/60$")
+        visit.wait_for_text(f"{name}-learned", rf"^{status[name].last_demonstration}/{ITERATIONS}$")
         assert visit.text(f"{name}-backlog") == str(status[name].backlog)
         assert visit.text(f"{name}-state") == "waits for a demonstration"
     learned = status["learner_1"].last_demonstration
     visit.page.locator("[data-testid=next]").click()
     visit.page.locator("[data-testid=next]").click()
-    visit.wait_for_text("learner_1-learned", rf"^{learned + 1}/60$")
+    visit.wait_for_text("learner_1-learned", rf"^{learned + 1}/{ITERATIONS}$")
     visit.wait_for_text("consensus", rf"apart at iteration {learned + 2}: theta .*% of its norm")
     assert visit.page.locator("[data-testid=graph] line.edge").count() == 2
     visit.page.locator("[data-testid=pause]").click()

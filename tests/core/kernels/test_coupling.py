@@ -14,8 +14,10 @@ from mabirds_core.games.drones.coupling import (
     Mover,
     NumpyBackup,
     PairProblem,
+    Table,
     compiled,
-    padded,
+    strip_indices,
+    strips,
 )
 from mabirds_core.kernels.loading import library, pointer
 
@@ -28,10 +30,10 @@ Float = np.ndarray
 def encoded(values: Float) -> tuple[Float, np.ndarray]:
     """exp of the values, and codes below 0."""
     result, codes = values.astype(np.float32), np.empty(len(values), np.uint16)
-    size, number = ctypes.c_int64, ctypes.c_float
+    number = ctypes.c_float
     assert LIBRARY is not None
     LIBRARY.mabirds_encode(
-        *(pointer(result, np.float32), size(1), size(len(values)), size(len(values))),
+        *(pointer(result, np.float32), ctypes.c_int64(len(values))),
         *(number(0.0), number(LEVELS / DEPTH), number(1.0), number(0.0), pointer(codes, np.uint16)),
     )
     return result, codes
@@ -62,26 +64,21 @@ def test_log_is_within_two_units(span: float) -> None:
     """By a backup of one drone that stays and has no choice: C_t = log x."""
     count = 10_000
     x = np.exp(np.random.default_rng(1).uniform(-span, span, count)).astype(np.float32)
-    one, all_of_them = stay(1), stay(count)
+    ahead = np.zeros((strips(count), LANES), np.float32)
+    ahead.ravel()[:count] = x
     values, none = np.empty((count, LANES), np.float32), np.zeros((count, LANES), np.float32)
-    ahead = np.zeros(padded(count), np.float32)
-    ahead[:count] = x
-    backed_up(one, all_of_them, ahead, padded(count), none, values)
+    kernels = stay(1), stay(count)
+    compiled().mabirds_couple(
+        *(ctypes.byref(Mover.of(kernel)) for kernel in kernels),
+        *(pointer(ahead, np.float32), ctypes.c_int64(1), ctypes.c_int64(len(ahead))),
+        *(pointer(none, np.float32), ctypes.c_int64(count), ctypes.c_float(0.0), pointer(values, np.float32)),
+    )
     exact = np.log(x.astype(np.float64))
     assert (np.abs(values[:, 0] - exact) <= 2 * np.spacing(np.abs(exact).astype(np.float32)) + 1e-7 * span).all()
 
 
 def stay(count: int) -> Kernel:
     return Kernel(np.arange(count, dtype=np.int32)[:, None], np.ones((count, 1), np.float32))
-
-
-def backed_up(rows: Kernel, columns: Kernel, ahead: Float, stride: int, pairs: Float, values: Float) -> None:
-    size = ctypes.c_int64
-    compiled().mabirds_couple(
-        *(ctypes.byref(Mover.of(kernel)) for kernel in (rows, columns)),
-        *(pointer(ahead, np.float32), size(stride), pointer(pairs, np.float32), size(pairs.shape[1])),
-        *(ctypes.c_float(0.0), pointer(values, np.float32), size(values.shape[1])),
-    )
 
 
 @pytest.mark.parametrize("sizes", [(1, 1), (5, 40), (33, 64), (70, 3)])
@@ -91,22 +88,22 @@ def test_steps_are_those_of_numpy(sizes: tuple[int, int]) -> None:
     kernels = [Kernel(rng.integers(n, size=(n, 4)).astype(np.int32), rng.dirichlet(np.ones(4), n)) for n in sizes]
     kernels = [Kernel(nodes, chances.astype(np.float32)) for nodes, chances in kernels]
     first, second = sizes
-    pairs, turned = np.zeros((first, padded(second)), np.float32), np.zeros((second, padded(first)), np.float32)
-    pairs[:, :second] = rng.normal(scale=3.0, size=sizes)
-    turned[:, :first] = pairs[:, :second].T
+    earned = rng.normal(scale=3.0, size=sizes).astype(np.float32)
+    pairs, turned = earned[strip_indices(first, second)], earned.T[strip_indices(second, first)]
     problem = PairProblem(lambda i, _: kernels[i], np.tile(np.array(sizes)[:, None], 4), pairs, turned, 0.9)
     backups = CompiledBackup(problem), NumpyBackup(problem)
     exact = np.zeros(sizes)
     for step in range(3):
         rows, columns = kernels if step % 2 == 0 else kernels[::-1]
-        shape = (len(columns.nodes), len(rows.nodes))
-        found = [np.empty(shape, np.uint16) for _ in range(2)]
-        earned = (turned, pairs)[step % 2]
-        tops = [of.step(rows, columns, earned, codes) for of, codes in zip(backups, found, strict=True)]
+        assert problem.shape(3 - step) == (strips(len(rows.nodes)), len(columns.nodes), LANES)
+        found = [np.empty(problem.shape(3 - step), np.uint16) for _ in range(2)]
+        tops = [
+            of.step(rows, columns, (turned, pairs)[step % 2], codes) for of, codes in zip(backups, found, strict=True)
+        ]
         dense = [np.zeros((n, n)) for n in sizes]
         for matrix, (nodes, chances) in zip(dense, kernels, strict=True):
             np.add.at(matrix, (np.arange(len(nodes))[:, None], nodes), chances)
-        exact = pairs[:, :second] + np.log(dense[0] @ np.exp(0.9 * exact) @ dense[1].T)
-        expected = exact.T if step % 2 == 0 else exact
+        exact = earned + np.log(dense[0] @ np.exp(0.9 * exact) @ dense[1].T)
         for top, codes in zip(tops, found, strict=True):
-            np.testing.assert_allclose(top - codes * (DEPTH / LEVELS), expected, rtol=0, atol=0.0015)
+            values = Table(codes, top, swapped=step % 2 == 0).values(*np.ogrid[:first, :second])
+            np.testing.assert_allclose(values, exact, rtol=0, atol=0.0015)

@@ -1,7 +1,9 @@
 /* One step of C_t = r_12 + log( P_1 exp(gamma C_{t+1}) P_2^T ), what two drones cost each other
    (games/drones/coupling.py). Rows and columns change places from step to step, so that both products run along
    neighbouring numbers: 32 rows at a time, a strip of all columns is gathered by P of the drone that has the rows, turned
-   round, and gathered by P of the other one. Sums are taken move by move, in the order of the moves. */
+   round, and gathered by P of the other one. Sums are taken move by move, in the order of the moves.
+
+   Tables of R rows are kept in strips of LANES columns, (strips, R, LANES): what is gathered together lies together. */
 #include <stdlib.h>
 
 #include "fixed32.h"
@@ -20,13 +22,13 @@ typedef struct {
   const float *chances; /* P_t, (n_t, A) */
 } mover;
 
-/* sum_a chances[a] table[nodes[a]][column ..], for LANES columns. */
-static inline INLINE void gather(const mover *by, int64_t row, const float *table, int64_t stride, int64_t column, float *out) {
+/* sum_a chances[a] strip[nodes[a]][..], for its LANES columns. */
+static inline INLINE void gather(const mover *by, int64_t row, const float *strip, float *out) {
   const int32_t *nodes = by->nodes + row * by->moves;
   const float *chances = by->chances + row * by->moves;
   part sums[4] = {{0}};
   for (int64_t a = 0; a < by->moves; a++) {
-    const float *from = table + nodes[a] * stride + column;
+    const float *from = strip + (int64_t)nodes[a] * LANES;
     for (int k = 0; k < 4; k++)
       sums[k] += chances[a] * *(const part *)(from + k * PART);
   }
@@ -51,19 +53,19 @@ static inline INLINE void turn(const float *from, int64_t from_stride, float *to
     *(part *)(to + k * to_stride) = cards[k];
 }
 
-/* A strip of P_rows ahead for LANES rows from ``first`` on, turned round: (columns, LANES). Beyond the last row: the
-   last row again. */
-static inline INLINE void turned_strip(const mover *rows, int64_t first, const float *ahead, int64_t stride,
-                                       float *strip) {
+/* P_rows ahead for LANES rows from ``first`` on, turned round: a strip of the columns. Beyond the last row: the last row
+   again. */
+static inline INLINE void turned_strip(const mover *rows, int64_t first, const float *ahead, int64_t ahead_rows,
+                                       int64_t strips, float *to) {
   float block[LANES * LANES];
-  for (int64_t column = 0; column < stride; column += LANES) {
+  for (int64_t s = 0; s < strips; s++, ahead += ahead_rows * LANES, to += LANES * LANES) {
     for (int64_t lane = 0; lane < LANES; lane++) {
       int64_t row = first + lane < rows->count ? first + lane : rows->count - 1;
-      gather(rows, row, ahead, stride, column, block + lane * LANES);
+      gather(rows, row, ahead, block + lane * LANES);
     }
     for (int64_t k = 0; k < LANES; k += PART)
       for (int64_t lane = 0; lane < LANES; lane += PART)
-        turn(block + lane * LANES + k, LANES, strip + (column + k) * LANES + lane, LANES);
+        turn(block + lane * LANES + k, LANES, to + k * LANES + lane, LANES);
   }
 }
 
@@ -77,39 +79,39 @@ static inline INLINE void backed_up(const float *sums, const float *pair, float 
 }
 
 /* C_t with a row for each node of ``columns`` and a column for each of ``rows``, from ahead = exp(gamma C_{t+1}) with
-   rows and columns the other way round. Strides are multiples of LANES; what lies between them and the counts is
-   written, and repeats the last column or means nothing. Returns the largest value, or NaN where there is no memory for
-   a strip. */
-KERNEL float mabirds_couple(const mover *rows, const mover *columns, const float *ahead, int64_t ahead_stride,
-                            const float *pairs, int64_t pairs_stride, float constant, float *values,
-                            int64_t values_stride) {
+   rows and columns the other way round. ``pairs`` has ``pairs_rows`` rows, or more than C_t has. Columns that fill the
+   last strip repeat the last node, but for what pairs earn. Returns the largest value, or NaN where there is no memory
+   for a strip. */
+KERNEL float mabirds_couple(const mover *rows, const mover *columns, const float *ahead, int64_t ahead_rows,
+                            int64_t strips, const float *pairs, int64_t pairs_rows, float constant, float *values) {
   float sums[LANES], most[LANES], largest = -__builtin_inff();
-  float *strip = malloc((size_t)ahead_stride * LANES * sizeof *strip);
+  float *strip = malloc((size_t)strips * LANES * LANES * sizeof *strip);
   if (strip == NULL)
     return __builtin_nanf("");
   for (int64_t first = 0; first < rows->count; first += LANES) {
-    turned_strip(rows, first, ahead, ahead_stride, strip);
+    turned_strip(rows, first, ahead, ahead_rows, strips, strip);
     for (int64_t k = 0; k < LANES; k++)
       most[k] = -__builtin_inff();
     for (int64_t row = 0; row < columns->count; row++) {
-      gather(columns, row, strip, LANES, 0, sums);
-      backed_up(sums, pairs + row * pairs_stride + first, constant, values + row * values_stride + first, most);
+      gather(columns, row, strip, sums);
+      backed_up(sums, pairs + row * LANES, constant, values + row * LANES, most);
     }
     for (int64_t k = 0; k < LANES && first + k < rows->count; k++)
       largest = most[k] > largest ? most[k] : largest;
+    pairs += pairs_rows * LANES;
+    values += columns->count * LANES;
   }
   free(strip);
   return largest;
 }
 
 /* Codes of C_t, in steps of 1 / per_nat below ``top``, and in its place exp(gamma (C_t - top) + lift). */
-KERNEL void mabirds_encode(float *values, int64_t rows, int64_t columns, int64_t stride, float top, float per_nat,
-                           float discount, float lift, uint16_t *codes) {
-  for (int64_t i = 0; i < rows; i++)
-    for (int64_t j = 0; j < columns; j++) {
-      float below = top - values[i * stride + j];
-      float steps = below * per_nat + 0.5f;
-      codes[i * columns + j] = (uint16_t)(int32_t)(steps < 65535.0f ? steps : 65535.0f);
-      values[i * stride + j] = fixed32_exp(lift - discount * below);
-    }
+KERNEL void mabirds_encode(float *values, int64_t count, float top, float per_nat, float discount, float lift,
+                           uint16_t *codes) {
+  for (int64_t i = 0; i < count; i++) {
+    float below = top - values[i];
+    float steps = below * per_nat + 0.5f;
+    codes[i] = (uint16_t)(int32_t)(steps < 65535.0f ? steps : 65535.0f);
+    values[i] = fixed32_exp(lift - discount * below);
+  }
 }

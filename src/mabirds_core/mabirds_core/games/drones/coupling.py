@@ -8,6 +8,9 @@ what is left, from its largest value to 160 nats below. Two drones that get ther
 
 C_t is kept for the nodes that the drones can have reached, in 16 bits, from its largest value down in steps of
 ``DEPTH`` / 65535 nats: the policy is that of values which are off by half a step, .0012 nats, at most.
+
+Tables of R rows are kept in strips of ``LANES`` columns, shape (strips, R, LANES): what is summed together lies
+together, which halves the time. Columns that fill the last strip mean nothing.
 """
 
 import ctypes
@@ -22,10 +25,10 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from mabirds_core.arrays import Array, Indices
+from mabirds_core.games.drones.table_memory import Codes
 from mabirds_core.kernels.loading import library, pointer
 
 Float = NDArray[np.float32]
-Codes = NDArray[np.uint16]
 
 DEPTH = 160.0
 """How far below its largest value C_t is kept [nats]."""
@@ -39,7 +42,7 @@ LEAST = np.finfo(np.float32).tiny
 LEVELS = 65535
 
 LANES = 32
-"""Of the compiled kernel: its tables have rows of multiples of this."""
+"""Columns of a strip."""
 
 
 class Kernel(NamedTuple):
@@ -63,7 +66,7 @@ class Table(NamedTuple):
     Attributes
     ----------
     codes : Codes
-        Steps below ``top``, a row for each node of drone 1, or of drone 2 where ``swapped``.
+        Steps below ``top`` in strips, a row for each node of drone 1, or of drone 2 where ``swapped``.
     top : float
         The largest value [nats].
     swapped : bool
@@ -90,7 +93,7 @@ class Table(NamedTuple):
             In nats, of the shape of both.
         """
         rows, columns = (second, first) if self.swapped else (first, second)
-        return np.asarray(self.top - self.codes[rows, columns] * (DEPTH / LEVELS))
+        return np.asarray(self.top - self.codes[columns // LANES, rows, columns % LANES] * (DEPTH / LEVELS))
 
 
 @dataclass(frozen=True)
@@ -104,9 +107,9 @@ class PairProblem:
     sizes : Indices
         n_t of both drones for t = 1 .. T + 1, shape (2, T + 1).
     rewards : Float
-        r_12, shape (S_1, ``padded`` (S_2)).
+        r_12 in strips, with S_1 rows.
     turned : Float
-        r_12 turned round, shape (S_2, ``padded`` (S_1)).
+        r_12 turned round, in strips, with S_2 rows.
     discount : float
         gamma.
     """
@@ -117,10 +120,19 @@ class PairProblem:
     turned: Float
     discount: float
 
+    def shape(self, step: int) -> tuple[int, int, int]:
+        """Of the strips of C_t; those of the last step have the rows of drone 2, and so on in turns."""
+        rows, columns = self.sizes[:: -1 if self.swapped(step) else 1, step - 1]
+        return strips(columns), int(rows), LANES
+
+    def swapped(self, step: int) -> bool:
+        """Has drone 2 the rows of C_t?"""
+        return bool((self.sizes.shape[1] - 1 - step) % 2 == 0)
+
     @property
     def codes(self) -> int:
         """How many there are at t = 1 .. T."""
-        return int((self.sizes[0, :-1] * self.sizes[1, :-1]).sum())
+        return sum(math.prod(self.shape(step)) for step in range(1, self.sizes.shape[1]))
 
 
 def couple(problem: PairProblem, memory: Codes) -> list[Table]:
@@ -141,12 +153,10 @@ def couple(problem: PairProblem, memory: Codes) -> list[Table]:
     last, tables, end = problem.sizes.shape[1] - 1, list[Table](), 0
     backup = CompiledBackup(problem) if library() else NumpyBackup(problem)
     for step in range(last, 0, -1):
-        swapped = (last - step) % 2 == 0
-        first, second = (int(sizes[step - 1]) for sizes in problem.sizes)
-        shape = (second, first) if swapped else (first, second)
-        codes = memory[end : (end := end + first * second)].reshape(shape)
+        swapped, shape = problem.swapped(step), problem.shape(step)
+        codes = memory[end : (end := end + math.prod(shape))].reshape(shape)
         rows, columns = (problem.kernel(i, step) for i in ((0, 1) if swapped else (1, 0)))
-        top = backup.step(rows, columns, problem.rewards if not swapped else problem.turned, codes)
+        top = backup.step(rows, columns, problem.turned if swapped else problem.rewards, codes)
         tables.append(Table(codes, top, swapped))
     return tables[::-1]
 
@@ -162,7 +172,8 @@ class NumpyBackup:
 
     def __init__(self, problem: PairProblem) -> None:
         self._discount, self._top = problem.discount, 0.0
-        self._ahead: Float = np.full(problem.sizes[:, -1], math.exp(LIFT), np.float32)
+        rows, columns = problem.sizes[:, -1]
+        self._ahead: Float = np.full((rows, LANES * strips(columns)), math.exp(LIFT), np.float32)
 
     def step(self, rows: Kernel, columns: Kernel, rewards: Float, codes: Codes) -> float:
         """From C_{t+1} to C_t, with rows and columns exchanged.
@@ -174,7 +185,7 @@ class NumpyBackup:
         columns : Kernel
             P_t of the other one, which has the rows of C_t.
         rewards : Float
-            r_12 with rows of that one.
+            r_12 in strips, with rows of that one.
         codes : Codes
             Of C_t, to be filled in.
 
@@ -183,24 +194,27 @@ class NumpyBackup:
         float
             The largest value of C_t.
         """
-        half = np.ascontiguousarray((_sparse(rows, self._ahead.shape[0]) @ self._ahead).T)
-        values: Float = _sparse(columns, self._ahead.shape[1]) @ half
+        count, width = len(rows.nodes), LANES * len(codes)
+        half = np.ascontiguousarray((_sparse(rows, width, self._ahead.shape[0]) @ self._ahead).T)
+        values: Float = _sparse(columns, len(columns.nodes), self._ahead.shape[1]) @ half
         np.log(np.maximum(values, LEAST, out=values), out=values)
-        values += rewards[: codes.shape[0], : codes.shape[1]]
+        in_strips = values.reshape(len(values), -1, LANES).transpose(1, 0, 2)
+        in_strips += rewards[: len(codes), : len(values)]
         values += np.float32(self._top - LIFT)
-        top = values.max()
+        top = values[:, :count].max()
         values -= top
-        np.minimum(values * np.float32(-LEVELS / DEPTH) + np.float32(0.5), LEVELS, out=codes, casting="unsafe")
+        np.clip(in_strips * np.float32(-LEVELS / DEPTH) + np.float32(0.5), 0, LEVELS, out=codes, casting="unsafe")
         values *= np.float32(self._discount)
         values += np.float32(LIFT)
         self._ahead, self._top = np.exp(values, out=values), self._discount * float(top)
         return float(top)
 
 
-def _sparse(kernel: Kernel, columns: int) -> csr_array:
+def _sparse(kernel: Kernel, rows: int, columns: int) -> csr_array:
+    """P of a shape that may be larger: what is beyond is 0."""
     count, width = kernel.nodes.shape
-    ends = np.arange(0, count * width + 1, width, dtype=np.int32)
-    return csr_array((kernel.chances.ravel(), kernel.nodes.ravel(), ends), shape=(count, columns))
+    ends = width * np.minimum(np.arange(rows + 1, dtype=np.int32), count)
+    return csr_array((kernel.chances.ravel(), kernel.nodes.ravel(), ends), shape=(rows, columns))
 
 
 class CompiledBackup:
@@ -214,10 +228,10 @@ class CompiledBackup:
 
     def __init__(self, problem: PairProblem) -> None:
         self._discount, self._top = problem.discount, 0.0
-        most, other = (padded(int(sizes[-1])) for sizes in problem.sizes)
-        self._ahead: Float = np.full(most * other, math.exp(LIFT), np.float32)
-        self._values: Float = np.empty(most * other, np.float32)
-        self._stride = other
+        self._rows, self._columns = (int(count) for count in problem.sizes[:, -1])
+        most = LANES * max(self._rows * strips(self._columns), self._columns * strips(self._rows))
+        self._ahead: Float = np.full(most, math.exp(LIFT), np.float32)
+        self._values: Float = np.empty(most, np.float32)
 
     def step(self, rows: Kernel, columns: Kernel, rewards: Float, codes: Codes) -> float:
         """From C_{t+1} to C_t, with rows and columns exchanged.
@@ -229,7 +243,7 @@ class CompiledBackup:
         columns : Kernel
             P_t of the other one, which has the rows of C_t.
         rewards : Float
-            r_12 with rows of that one, a multiple of ``LANES`` long.
+            r_12 in strips, with rows of that one.
         codes : Codes
             Of C_t, to be filled in.
 
@@ -243,25 +257,24 @@ class CompiledBackup:
         MemoryError
             There is none for a strip of 32 rows.
         """
-        stride, size = padded(codes.shape[1]), ctypes.c_int64
+        size, number = ctypes.c_int64, ctypes.c_float
         top = float(
             compiled().mabirds_couple(
                 *(ctypes.byref(Mover.of(kernel)) for kernel in (rows, columns)),
-                *(pointer(self._ahead, np.float32), size(self._stride)),
+                *(pointer(self._ahead, np.float32), size(self._rows), size(strips(self._columns))),
                 *(pointer(rewards, np.float32), size(rewards.shape[1])),
-                ctypes.c_float(self._top - LIFT),
-                *(pointer(self._values, np.float32), size(stride)),
+                *(number(self._top - LIFT), pointer(self._values, np.float32)),
             )
         )
         if np.isnan(top):
             raise MemoryError("no memory for a strip of the lattice; take a larger algorithm.policy.spacing")
         compiled().mabirds_encode(
-            *(pointer(self._values, np.float32), *map(size, (*codes.shape, stride))),
-            *(ctypes.c_float(number) for number in (top, LEVELS / DEPTH, self._discount, LIFT)),
+            *(pointer(self._values, np.float32), size(codes.size)),
+            *(number(of) for of in (top, LEVELS / DEPTH, self._discount, LIFT)),
             pointer(codes, np.uint16),
         )
-        self._ahead, self._values = self._values, self._ahead
-        self._stride, self._top = stride, self._discount * top
+        self._ahead, self._values, self._top = self._values, self._ahead, self._discount * top
+        self._rows, self._columns = len(columns.nodes), len(rows.nodes)
         return top
 
 
@@ -303,6 +316,25 @@ def compiled() -> ctypes.CDLL:
     return kernels
 
 
-def padded(count: int) -> int:
-    """The next multiple of ``LANES``."""
-    return -(-count // LANES) * LANES
+def strips(columns: int) -> int:
+    """How many there are of a table."""
+    return -(-int(columns) // LANES)
+
+
+def strip_indices(rows: int, columns: int) -> tuple[Indices, Indices]:
+    """Row and column of the entries of a table in strips.
+
+    Parameters
+    ----------
+    rows : int
+        R.
+    columns : int
+        How many it has. The last of them fills the last strip.
+
+    Returns
+    -------
+    tuple[Indices, Indices]
+        Shapes (1, R, 1) and (strips, 1, LANES).
+    """
+    at = np.minimum(np.arange(LANES * strips(columns)), columns - 1)
+    return np.arange(rows)[None, :, None], at.reshape(-1, 1, LANES)

@@ -66,13 +66,20 @@ class DroneNodes:
         nodes, shares = self.lattice.moves
         return self._absorbed(Moves(self._numbers[nodes[self._order]], shares[self._order]), self.places)
 
-    def moves_from(self, places: Array) -> Moves:
+    def at(self, places: Array) -> Indices:
+        """Numbers of the nodes that places (M, 2) are, shape (M,); -1 for those between nodes."""
+        nodes, distances = self.lattice.nearest(places)
+        return np.where(distances <= SAME_PLACE, self._numbers[nodes], -1)
+
+    def moves_from(self, places: Array, here: Indices | None = None) -> Moves:
         """What the drone can do at any places.
 
         Parameters
         ----------
         places : Array
             Shape (M, 2) [m].
+        here : Indices, optional
+            The nodes ``at`` them.
 
         Returns
         -------
@@ -80,8 +87,7 @@ class DroneNodes:
             To the nodes within reach. In the goal region it is to stay: at the node that is the place or, for places
             between nodes, at the nearest node, which stands for the place.
         """
-        nodes, distances = self.lattice.nearest(places)
-        here = np.where(distances <= SAME_PLACE, self._numbers[nodes], -1)
+        here = self.at(places) if here is None else here
         away = here < 0
         if not away.any():
             return self.moves.at(here)
@@ -180,26 +186,28 @@ class DroneNodes:
         return numbers
 
 
-def pair_rewards(first: DroneNodes, second: DroneNodes, rewards: Rewards, padding: int = 0) -> NDArray[np.float32]:
-    """r_12 of every two nodes.
+def pair_rewards(
+    first: DroneNodes, second: DroneNodes, rewards: Rewards, at: tuple[Indices, Indices]
+) -> NDArray[np.float32]:
+    """r_12 of nodes.
 
     Distances depend on differences of coordinates alone, of which there are few.
 
     Parameters
     ----------
     first : DroneNodes
-        S_1 of them.
+        Of a drone.
     second : DroneNodes
-        S_2 of them, on the same lattice.
+        Of another one, on the same lattice.
     rewards : Rewards
         What r is the sum of.
-    padding : int, optional
-        How many zeros follow each row.
+    at : tuple[Indices, Indices]
+        Nodes of the first and of the second drone, of shapes that fit.
 
     Returns
     -------
     NDArray[np.float32]
-        Shape (S_1, S_2 + padding).
+        Of the shape of both.
     """
     most = first.coordinates.max(axis=0)
     k = np.stack(np.meshgrid(*(np.arange(-n, n + 1) for n in most), indexing="ij"), axis=-1)
@@ -207,6 +215,4 @@ def pair_rewards(first: DroneNodes, second: DroneNodes, rewards: Rewards, paddin
     values = sum((reward.pairwise(w, 0, distances) for reward, w in rewards), np.zeros(distances.shape))
     flat = np.asarray(values, dtype=np.float32).ravel()
     rows, columns = ((of.coordinates @ np.array([2 * most[1] + 1, 1])).astype(np.int32) for of in (first, second))
-    table = np.zeros((first.size, second.size + padding), np.float32)
-    table[:, : second.size] = flat[rows[:, None] - columns + np.int32(flat.size // 2)]
-    return table
+    return np.asarray(flat[rows[at[0]] - columns[at[1]] + np.int32(flat.size // 2)])

@@ -25,13 +25,14 @@ from typing import NamedTuple
 import numpy as np
 
 from mabirds_core.arrays import Array, Indices, Vector
-from mabirds_core.games.drones.coupling import Codes, PairProblem, Table, couple, padded
+from mabirds_core.games.drones.coupling import PairProblem, Table, couple, strip_indices
 from mabirds_core.games.drones.drone_nodes import DroneNodes, Rewards, pair_rewards
 from mabirds_core.games.drones.features import pair_distances, total_reward
 from mabirds_core.games.drones.game import DroneGame
-from mabirds_core.games.drones.lone_drone import LoneDrone, log_shares, log_sum_exp
+from mabirds_core.games.drones.lone_drone import LoneDrone, log_sum_exp
 from mabirds_core.games.drones.nodes import NodeLattice, Shape
 from mabirds_core.games.drones.rewards import DroneRewardModel
+from mabirds_core.games.drones.table_memory import TableMemory
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.planners.interface import Policy
 
@@ -102,10 +103,10 @@ class LatticePolicy:
     drones: list[LoneDrone]
     tables: list[Table]
     """C_t for t = 1 .. T; none for a single drone, and none any more of a policy that was used up."""
-    memory: Codes
+    memory: TableMemory
     """Where they are kept."""
 
-    def release(self) -> Codes:
+    def release(self) -> TableMemory:
         """Its memory, for another policy: this one cannot be followed any more."""
         self.tables.clear()
         return self.memory
@@ -135,15 +136,14 @@ class LatticePolicy:
             A state cannot be reached by then from the squares of P_0, so that nothing was planned for it.
         """
         places = self.game.positions(states)
-        moves = [drone.nodes.moves_from(places[:, i]) for i, drone in enumerate(self.drones)]
-        nodes, shares = [of.nodes for of in moves], [log_shares(of.shares) for of in moves]
-        scores = [shares[i] + self._lone_worth(i, step, places[:, i], nodes[i]) for i in range(self.game.n_experts)]
+        moves = [drone.moves(step, places[:, i]) for i, drone in enumerate(self.drones)]
+        nodes, shares, scores = zip(*moves, strict=True)
         if len(moves) == 1:
-            return Choices(nodes, shares[0][:, :, None], scores[0][:, :, None])
+            return Choices([*nodes], shares[0][:, :, None], scores[0][:, :, None])
         joint = scores[0][:, :, None] + scores[1][:, None, :]
         if step < self.game.horizon:
-            joint += self.game.discount * self._coupling(step + 1, places, nodes)
-        return Choices(nodes, shares[0][:, :, None] + shares[1][:, None, :], joint)
+            joint += self.game.discount * self._coupling(step + 1, places, [*nodes])
+        return Choices([*nodes], shares[0][:, :, None] + shares[1][:, None, :], joint)
 
     def values(self, step: int, states: Array) -> Vector:
         """V_t / tau of joint states.
@@ -177,8 +177,7 @@ class LatticePolicy:
         Vector
             Shape (M,).
         """
-        moves = self.drones[drone].nodes.moves_from(places)
-        return log_sum_exp(log_shares(moves.shares) + self._lone_worth(drone, 0, places, moves.nodes))
+        return log_sum_exp(self.drones[drone].moves(0, places).scores)
 
     def residuals(self, trajectories: Trajectories) -> Vector:
         """The certificate: V_0(s_0) - sum_t gamma^t ( r_t - log pi_t/mu ) along flights from node to node.
@@ -211,12 +210,6 @@ class LatticePolicy:
         places = self.game.positions(states)
         ways = [drone.nodes.velocities(places[:, i], nodes[i][:, None]) for i, drone in enumerate(self.drones)]
         return np.concatenate([way[:, 0] for way in ways], axis=1)
-
-    def _lone_worth(self, drone: int, step: int, places: Array, nodes: Indices) -> Array:
-        """r_i / tau + gamma V^i_{t+1} of moves (M, A)."""
-        alone = self.drones[drone]
-        rewards = alone.nodes.rewards(self.rewards, places, nodes) / self.temperature
-        return np.asarray(rewards + self.game.discount * alone.values[step + 1][nodes])
 
     def _here(self, states: Array) -> Vector:
         """r_12 / tau in joint states."""
@@ -321,13 +314,13 @@ class LatticePlanner:
             Exact there.
         """
         drones = [LoneDrone.of(drone, rewards, self.temperature) for drone in self.lattices[number]]
-        memory = previous.release() if isinstance(previous, LatticePolicy) else np.empty(0, np.uint16)
+        memory = previous.release() if isinstance(previous, LatticePolicy) else None
         if len(drones) == 1:
-            return LatticePolicy(self.game, rewards, self.temperature, drones, [], memory)
+            return LatticePolicy(self.game, rewards, self.temperature, drones, [], memory or TableMemory(0))
         problem = self._pair_problem(drones, rewards)
-        if len(memory) < problem.codes:
-            memory = np.empty(problem.codes, np.uint16)
-        return LatticePolicy(self.game, rewards, self.temperature, drones, couple(problem, memory), memory)
+        if memory is None or len(memory.array) < problem.codes:
+            memory = TableMemory(problem.codes)
+        return LatticePolicy(self.game, rewards, self.temperature, drones, couple(problem, memory.array), memory)
 
     def _pair_problem(self, drones: list[LoneDrone], rewards: Rewards) -> PairProblem:
         """What decides C_t of two drones."""
@@ -336,8 +329,8 @@ class LatticePlanner:
         return PairProblem(
             lambda i, step: drones[i].kernel(step),
             np.stack([first.reached, second.reached]),
-            pair_rewards(first, second, scaled, padded(second.size) - second.size),
-            pair_rewards(second, first, scaled, padded(first.size) - first.size),
+            pair_rewards(first, second, scaled, strip_indices(first.size, second.size)),
+            pair_rewards(second, first, scaled, strip_indices(second.size, first.size)),
             self.game.discount,
         )
 

@@ -5,12 +5,31 @@ P^i_t(a|s) = mu(a) exp( r_i(s, a) / tau + gamma V^i_{t+1}(s') - V^i_t(s) )
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from mabirds_core.arrays import Array, Vector
+from mabirds_core.arrays import Array, Indices, Vector
 from mabirds_core.games.drones.coupling import Kernel
 from mabirds_core.games.drones.drone_nodes import DroneNodes, Rewards
+
+
+class LoneMoves(NamedTuple):
+    """What a drone can do at M places.
+
+    Attributes
+    ----------
+    nodes : Indices
+        Where its moves lead, shape (M, A); -1 where there is no such move.
+    log_shares : Array
+        log mu, of the same shape; -inf where there is none.
+    scores : Array
+        log mu + Q^i_t / tau, of the same shape.
+    """
+
+    nodes: Indices
+    log_shares: Array
+    scores: Array
 
 
 @dataclass(frozen=True)
@@ -22,6 +41,10 @@ class LoneDrone:
     """log mu(a) + r_i(s, a) at every node, shape (S, A); -inf where there is no such move."""
     values: Array
     """Shape (T + 2, S)."""
+    rewards: Rewards
+    """What r is the sum of."""
+    temperature: float
+    """tau."""
 
     @classmethod
     def of(cls, nodes: DroneNodes, rewards: Rewards, temperature: float) -> "LoneDrone":
@@ -46,7 +69,31 @@ class LoneDrone:
         values = np.zeros((game.horizon + 2, nodes.size))
         for step in range(game.horizon, -1, -1):
             values[step] = log_sum_exp(scores + game.discount * values[step + 1][moves.nodes])
-        return cls(nodes, scores, values)
+        return cls(nodes, scores, values, rewards, temperature)
+
+    def moves(self, step: int, places: Array) -> LoneMoves:
+        """What the drone can do without the other one.
+
+        Parameters
+        ----------
+        step : int
+            t.
+        places : Array
+            Shape (M, 2) [m].
+
+        Returns
+        -------
+        LoneMoves
+            From nodes as they were solved for; from places between nodes, the same sums.
+        """
+        nodes, discount = self.nodes, self.nodes.game.discount
+        here = nodes.at(places)
+        if (here >= 0).all():
+            (after, shares), scores = nodes.moves.at(here), self.scores[here]
+        else:
+            after, shares = nodes.moves_from(places, here)
+            scores = log_shares(shares) + nodes.rewards(self.rewards, places, after) / self.temperature
+        return LoneMoves(after, log_shares(shares), scores + discount * self.values[step + 1][after])
 
     def kernel(self, step: int) -> Kernel:
         """P^i_t between the nodes that can have been reached."""
