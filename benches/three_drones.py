@@ -1,6 +1,6 @@
-"""How well three drones are learned by pairs: rates of the actor that flies, its gap, and what an iteration takes.
+"""How well three drones are learned by pairs: rates of the actors that fly, their gaps, and what an iteration takes.
 
-Example: .venv/bin/python benches/three_drones.py --first-seed 701 --seeds 2 --json
+Example: .venv/bin/python benches/three_drones.py --method mabirds --first-seed 702 --seeds 1 --json
 """
 
 import json
@@ -8,6 +8,7 @@ import os
 import platform
 import time
 from dataclasses import dataclass, field
+from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,7 +19,8 @@ from mabirds_bringup.bench.outcome import drawn_streams, peak_memory
 from mabirds_bringup.console import console, guarded_output
 from mabirds_core.experiment.assembly import build_game
 from mabirds_core.experiment.file import Experiment, load_experiment
-from mabirds_core.experiment.simulate import Progress, simulate_central
+from mabirds_core.experiment.simulate import Progress, simulate, simulate_central
+from mabirds_core.metrics.metrics import consensus_distance
 
 THREE = Path(__file__).resolve().parents[1] / "ros_ws" / "config" / "drones_three.yaml"
 FLIGHTS = 2000
@@ -29,9 +31,16 @@ LATE = 20
 """Iterations after which the least success rate is looked for."""
 
 
+class Method(Enum):
+    """Who learns."""
+
+    BICS = "bics"
+    MABIRDS = "mabirds"
+
+
 @dataclass
 class Record:
-    """What is measured while one method learns.
+    """What is measured while a method, or one of its learners, learns.
 
     Attributes
     ----------
@@ -63,26 +72,34 @@ class Record:
         self.success[n], self.violation[n] = rates.success_rate, rates.violation_rate
         self.gaps[n] = update.policy.gap(1000 + n)
         self.judging += time.process_time() - before
-        console.print(f"iteration {n}: SR {self.success[n]:.3f}, CVR {self.violation[n]:.3f}, gap {self.gaps[n]:.2f}")
+        so_far = f"SR {rates.success_rate:.3f}, CVR {rates.violation_rate:.3f}, gap {self.gaps[n]:.2f}"
+        console.print(f"{update.name}, iteration {n}: {so_far}")
 
 
-def measure(experiment: Experiment) -> dict[str, float]:
-    """Learn with BICS from the demonstrations of all learners."""
+def measure(experiment: Experiment, method: Method) -> dict[str, float]:
+    """Learn, with BICS from the demonstrations of all learners, or with MA-BIRDS in each of them; the worst is told."""
     game = build_game(experiment)
     streams = drawn_streams(experiment, game)
-    record, before = Record(game, experiment), time.process_time()
-    simulate_central(experiment, "bics", streams, record.keep)
-    spent = time.process_time() - before - record.judging
-    last = experiment.iterations
-    late = [n for n in record.gaps if n > LATE]
+    before = time.process_time()
+    if method is Method.BICS:
+        records = {method.value: Record(game, experiment)}
+        history = simulate_central(experiment, method.value, streams, records[method.value].keep)
+    else:
+        records = {name: Record(game, experiment) for name in experiment.learners}
+        history = simulate(experiment, streams, lambda update: records[update.name].keep(update))
+    spent = time.process_time() - before - sum(record.judging for record in records.values())
+    last, each = experiment.iterations, records.values()
+    late = [n for n in next(iter(each)).gaps if n > LATE]
     return {
-        "success rate": record.success[last],
-        "violation rate": record.violation[last],
-        f"least success rate after iteration {LATE}": min(record.success[n] for n in late),
-        "gap of the last policy [nats]": record.gaps[last],
-        f"largest gap after iteration {LATE} [nats]": max(record.gaps[n] for n in late),
-        "median seconds an iteration": float(np.median(record.seconds)),
-        "processor seconds an iteration": spent / last,
+        "success rate": min(record.success[last] for record in each),
+        "violation rate": max(record.violation[last] for record in each),
+        f"least success rate after iteration {LATE}": min(record.success[n] for record in each for n in late),
+        "gap of the last policy [nats]": max(record.gaps[last] for record in each),
+        f"largest gap after iteration {LATE} [nats]": max(record.gaps[n] for record in each for n in late),
+        "theta apart": consensus_distance([states[-1].theta for states in history.values()]),
+        "norm of theta": float(np.linalg.norm(next(iter(history.values()))[-1].theta)),
+        "median seconds an iteration": float(np.median([record.seconds for record in each])),
+        "processor seconds an iteration": spent / last / len(each),
         "most memory [MB]": peak_memory(),
     }
 
@@ -94,11 +111,12 @@ def seeded(experiment: Experiment, seed: int) -> Experiment:
 
 
 def main(
+    method: Annotated[Method, typer.Option(help="Who learns: one who is given all, or four learners.")] = Method.BICS,
     first_seed: Annotated[int, typer.Option(help="Of demonstrations and rollouts.")] = 701,
     seeds: Annotated[int, typer.Option(help="How many.")] = 2,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,  # noqa: FBT002
 ) -> None:
-    """Learn the shipped game of three drones with BICS, once a seed."""
+    """Learn the shipped game of three drones, once a seed."""
     with guarded_output() as stdout:
         machine = {
             "system": platform.platform(),
@@ -110,7 +128,7 @@ def main(
         results = dict[str, dict[str, float]]()
         console.print(machine)
         for seed in range(first_seed, first_seed + seeds):
-            results[f"seed {seed}"] = measure(seeded(load_experiment(THREE), seed))
+            results[f"seed {seed}"] = measure(seeded(load_experiment(THREE), seed), method)
             console.print(results[f"seed {seed}"])
         if as_json:
             print(json.dumps({"machine": machine, "results": results}), file=stdout)

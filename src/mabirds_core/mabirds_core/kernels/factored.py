@@ -149,26 +149,42 @@ class Solved:
         """Values and the factors that the forward pass uses."""
         return self._solution
 
-    def forward(self, start: Vector, kept: Totals | None = None) -> tuple[Totals, float]:
+    def forward(self, start: Vector) -> Totals:
         """Follow the policy.
 
         Parameters
         ----------
         start : Vector
             P_0, shape (S,).
-        kept : Totals, optional
-            1 for what may be touched, 0 for what may not: probability that does is lost. Default: all may.
 
         Returns
         -------
-        tuple[Totals, float]
-            Sums, and the probability that is left after step T.
+        Totals
+            Sums.
         """
-        sums, mass = Totals(*(np.zeros(part.shape) for part in self._reward)), ctypes.c_double()
-        parts = [_Parts(*(pointer(part) for part in each)) if each else None for each in (kept, sums)]
-        places = [ctypes.byref(part) if part else None for part in parts]
-        _call("mabirds_factored_forward", self._place, *self._places, pointer(start), *places, ctypes.byref(mass))
-        return sums, mass.value
+        sums = Totals(*(np.zeros(part.shape) for part in self._reward))
+        place = ctypes.byref(_Parts(*map(pointer, sums)))
+        _call("mabirds_factored_forward", self._place, *self._places, pointer(start), place)
+        return sums
+
+    def remaining(self, start: Vector, kept: Totals) -> float:
+        """Follow the policy as far as it touches nothing that it may not.
+
+        Parameters
+        ----------
+        start : Vector
+            P_0, shape (S,).
+        kept : Totals
+            1 for what may be touched, 0 for what may not: probability that does is lost.
+
+        Returns
+        -------
+        float
+            The probability that is left after step T.
+        """
+        mass, place = ctypes.c_double(), ctypes.byref(_Parts(*map(pointer, kept)))
+        _call("mabirds_factored_remaining", self._place, *self._places, pointer(start), place, ctypes.byref(mass))
+        return mass.value
 
     def log_likelihoods(self, states: Indices, actions: Indices, goal: Mask) -> Vector:
         """How probable trajectories are while they are under way.

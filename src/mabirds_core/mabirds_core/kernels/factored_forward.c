@@ -8,7 +8,7 @@ typedef struct {
   const double *levels; /* [level] */
 } Kept;
 
-/* gamma^t-weighted sums of probabilities. */
+/* gamma^t-weighted sums of probabilities. None: nobody asks for them. */
 typedef struct {
   double *moves;  /* [expert][cell][move] */
   double *states; /* [state] */
@@ -82,18 +82,18 @@ INLINE double dot(const double *a, const double *b, int64_t size) {
 
 /* States that may be are counted, and slabs where nobody is are left out. Mass below
    exp(-cut) is given up, so that no product leaves the range of normal numbers. */
-INLINE void begin_step(const Game *g, const Work *w, const Kept *kept, Flow *f, double *total) {
+INLINE void begin_step(const Game *g, const Work *w, const Kept *kept, Flow *f, Totals *totals) {
   double floor = fixed_exp(-w->cut), weight = f->weight;
   for (int64_t c = 0; c < g->cells; c++) {
     if (!f->active[c]) continue;
-    double *restrict flow = f->flow + c * w->slab, *restrict counted = total + c * w->slab;
+    double *restrict flow = f->flow + c * w->slab, *restrict counted = totals ? totals->states + c * w->slab : 0;
     int64_t any = 0;
     for (int64_t j = 0; kept && j < w->slab; j++) flow[j] *= kept->states[c * w->slab + j];
     for (int64_t j = 0; j < w->slab; j++) {
       double here = flow[j] < floor ? 0.0 : flow[j];
       any |= here > 0.0;
       flow[j] = here;
-      counted[j] += weight * here;
+      if (totals) counted[j] += weight * here;
     }
     f->active[c] = any != 0;
   }
@@ -148,7 +148,7 @@ INLINE void first_moves(const Game *g, Work *w, Flow *f, Totals *totals, const d
     divide(g, w, f, c * w->slab, first_coupled);
     for (int64_t m = 0; m < g->moves; m++) {
       int64_t entry = c * g->moves + m;
-      totals->moves[entry] += f->weight * w->chances[entry] * dot(flow, rows[m], w->slab);
+      if (totals) totals->moves[entry] += f->weight * w->chances[entry] * dot(flow, rows[m], w->slab);
       add_row(f->moved + g->successor[entry] * w->slab, flow, f->kept_chances[entry], w->slab);
     }
   }
@@ -168,7 +168,7 @@ INLINE void middle_moves(const Game *g, Work *w, Flow *f, Totals *totals, int64_
   for (int64_t c = 0; c < g->cells; c++)
     for (int64_t m = 0; m < g->moves; m++) {
       int64_t entry = (k * g->cells + c) * g->moves + m, after = g->successor[entry] * inner;
-      totals->moves[entry] += f->weight * w->chances[entry] * dot(from + c * inner, onward + after, inner);
+      if (totals) totals->moves[entry] += f->weight * w->chances[entry] * dot(from + c * inner, onward + after, inner);
       add_row(to + after, from + c * inner, f->kept_chances[entry], inner);
     }
 }
@@ -181,7 +181,7 @@ INLINE void further_moves(const Game *g, Work *w, Flow *f, Totals *totals, int64
     for (int64_t start = 0; start < w->slab; start += block) {
       const double *onward = w->partial[k + 1] + x * w->slab + start;
       if (inner == 1) {
-        add_products(f->dots, from + start, onward, g->offset, g->offsets, g->cells);
+        if (totals) add_products(f->dots, from + start, onward, g->offset, g->offsets, g->cells);
         shift_row(to + start, from + start, f->kept_taps, g, -1);
       } else {
         middle_moves(g, w, f, totals, k, inner, from + start, to + start, onward);
@@ -209,7 +209,7 @@ INLINE void count_last(const Game *g, Work *w, Flow *f, Totals *totals) {
 INLINE void spread_state_of(const Game *g, int64_t experts, int64_t moves, const Work *w, const Kept *kept, Flow *f,
                             Totals *totals, int64_t state, double mass, const uint8_t *level) {
   int64_t entry[MOST_EXPERTS], block = w->slab, actions = power(moves, experts);
-  double *counts = totals->moves, *flow = f->flow, weight = f->weight;
+  double *flow = f->flow, weight = f->weight;
   for (int64_t i = 0; i < experts; i++) {
     entry[i] = (i * g->cells + state / block) * moves;
     state %= block;
@@ -219,11 +219,11 @@ INLINE void spread_state_of(const Game *g, int64_t experts, int64_t moves, const
     const int32_t *digits = w->digits + a * experts;
     double part = mass * w->value[a], counted = weight * part;
     for (int64_t i = 0; i < experts; i++) {
-      counts[entry[i] + digits[i]] += counted;
+      if (totals) totals->moves[entry[i] + digits[i]] += counted;
       if (kept) part *= kept->moves[entry[i] + digits[i]];
     }
     if (level && level[a]) {
-      totals->levels[level[a]] += counted;
+      if (totals) totals->levels[level[a]] += counted;
       if (kept) part *= kept->levels[level[a]];
     }
     flow[w->after[a]] += part;
@@ -276,7 +276,7 @@ INLINE void advance(const Game *g, Work *w, Flow *f, Totals *totals, const doubl
       for (int64_t j = 0; j < w->slab; j++) f->flow[x * w->slab + j] = 0.0;
   }
   for (int64_t x = 0; x < g->cells; x++) f->active[x] = f->reached[x];
-  count_last(g, w, f, totals);
+  if (totals) count_last(g, w, f, totals);
 }
 
 INLINE double total_mass(const Game *g, const double *flow) {
@@ -285,16 +285,14 @@ INLINE double total_mass(const Game *g, const double *flow) {
   return total;
 }
 
-/* ``phi``, ``chances``, ``gain``, ``onward`` and ``shift`` are the backward pass's, ``start`` is [state], totals begin as
-   0. ``mass`` becomes what is left after step T. Returns 0, or 1 without memory. */
-KERNEL int mabirds_factored_forward(const Game *g, const double *phi, const double *chances, const double *gain,
-                                    double *onward, const double *shift, const double *start, const Kept *kept,
-                                    Totals *totals, double *mass) {
+/* What is left after step T; negative: no memory. */
+INLINE double follow(const Game *g, const double *phi, const double *chances, const double *gain, double *onward,
+                     const double *shift, const double *start, const Kept *kept, Totals *totals) {
   Work work, *w = &work;
   Flow flow, *f = &flow;
   const double *rows[MOST_MOVES];
   double *rest;
-  if (!prepare(g, w, flow_size(g), &rest)) return 1;
+  if (!prepare(g, w, flow_size(g), &rest)) return -1.0;
   prepare_flow(g, w, rest, f);
   for (int64_t s = 0; s < g->states; s++) f->flow[s] = start[s];
   for (int64_t c = 0; c < g->cells; c++) f->active[c] = 1;
@@ -303,12 +301,27 @@ KERNEL int mabirds_factored_forward(const Game *g, const double *phi, const doub
   for (int64_t t = 0; t <= g->horizon; t++) {
     begin(g, w, t, phi, chances, onward);
     step_kept(g, w, kept, f);
-    begin_step(g, w, kept, f, totals->states);
+    begin_step(g, w, kept, f, totals);
     advance(g, w, f, totals, rows);
     moves_apart(g, w, kept, f, totals, gain + (t + 1) * g->states, shift[t + 1]);
     f->weight *= g->discount;
   }
-  *mass = total_mass(g, f->flow);
+  double mass = total_mass(g, f->flow);
   free(w->block);
-  return 0;
+  return mass;
+}
+
+/* ``phi``, ``chances``, ``gain``, ``onward`` and ``shift`` are the backward pass's, ``start`` is [state], totals begin as
+   0. Returns 0, or 1 without memory. */
+KERNEL int mabirds_factored_forward(const Game *g, const double *phi, const double *chances, const double *gain,
+                                    double *onward, const double *shift, const double *start, Totals *totals) {
+  return follow(g, phi, chances, gain, onward, shift, start, 0, totals) < 0.0;
+}
+
+/* The same without totals, which are half of the work, and with what is kept alone. ``mass`` becomes what is left. */
+KERNEL int mabirds_factored_remaining(const Game *g, const double *phi, const double *chances, const double *gain,
+                                      double *onward, const double *shift, const double *start, const Kept *kept,
+                                      double *mass) {
+  *mass = follow(g, phi, chances, gain, onward, shift, start, kept, 0);
+  return *mass < 0.0;
 }

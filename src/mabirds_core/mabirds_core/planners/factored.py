@@ -158,7 +158,7 @@ class FactoredPolicy:
         Visitation
             Its weights are gamma^t times probabilities, t = 0..T.
         """
-        totals, _ = self.solved.forward(start)
+        totals = self.solved.forward(start)
         return FactoredVisitation.of(totals, lambda: self._pairs(start))
 
     def _pairs(self, start: Vector) -> Visitation:
@@ -174,7 +174,7 @@ class FactoredPolicy:
 
     def remaining(self, kept: Totals) -> float:
         """Probability that a trajectory from P_0 touches only what is ``kept`` (1; what is not: 0)."""
-        return self.solved.forward(self.game.initial_distribution, kept)[1]
+        return self.solved.remaining(self.game.initial_distribution, kept)
 
 
 def factored_policy(game: FactoredGame, reward: FactoredReward) -> FactoredPolicy:
