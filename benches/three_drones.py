@@ -77,7 +77,10 @@ class Record:
 
 
 def measure(experiment: Experiment, method: Method) -> dict[str, float]:
-    """Learn, with BICS from the demonstrations of all learners, or with MA-BIRDS in each of them; the worst is told."""
+    """Learn, with BICS from the demonstrations of all learners, or with MA-BIRDS in each of them.
+
+    Rates and gaps are those of the worst learner, seconds of the clock a median, of processors a mean.
+    """
     game = build_game(experiment)
     streams = drawn_streams(experiment, game)
     before = time.process_time()
@@ -97,7 +100,7 @@ def measure(experiment: Experiment, method: Method) -> dict[str, float]:
         "gap of the last policy [nats]": max(record.gaps[last] for record in each),
         f"largest gap after iteration {LATE} [nats]": max(record.gaps[n] for record in each for n in late),
         "theta apart": consensus_distance([states[-1].theta for states in history.values()]),
-        "norm of theta": float(np.linalg.norm(next(iter(history.values()))[-1].theta)),
+        "norm of the first theta": float(np.linalg.norm(next(iter(history.values()))[-1].theta)),
         "median seconds an iteration": float(np.median([record.seconds for record in each])),
         "processor seconds an iteration": spent / last / len(each),
         "most memory [MB]": peak_memory(),

@@ -27,14 +27,14 @@ pytestmark = pytest.mark.skipif(LIBRARY is None, reason="kernels are not compile
 Float = np.ndarray
 
 
-def encoded(values: Float) -> tuple[Float, np.ndarray]:
-    """exp of the values, and codes below 0."""
+def encoded(values: Float, discount: float = 1.0) -> tuple[Float, np.ndarray]:
+    """exp of discounted values that are 0 at most, and their codes below 0."""
     result, codes = values.astype(np.float32), np.empty(len(values), np.uint16)
     number = ctypes.c_float
     assert LIBRARY is not None
     LIBRARY.mabirds_encode(
         *(pointer(result, np.float32), ctypes.c_int64(len(values))),
-        *(number(0.0), number(LEVELS / DEPTH), number(1.0), number(0.0), pointer(codes, np.uint16)),
+        *(number(0.0), number(LEVELS / DEPTH), number(discount), number(0.0), pointer(codes, np.uint16)),
     )
     return result, codes
 
@@ -45,9 +45,14 @@ def units(values: Float, exact: Float) -> float:
 
 
 @pytest.mark.parametrize("span", [1e-4, 1.0, 86.9])
-def test_exp_is_within_two_units(span: float) -> None:
-    x = np.random.default_rng(0).uniform(-span, span, 100_000).astype(np.float32)
-    assert units(encoded(x)[0], np.exp(x.astype(np.float64))) <= 2
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_exp_is_within_two_units(span: float, sign: float) -> None:
+    x = -np.random.default_rng(0).uniform(0, span, 100_000).astype(np.float32)
+    assert units(encoded(x, sign)[0], np.exp(sign * x.astype(np.float64))) <= 2
+
+
+def test_what_is_larger_than_the_largest_value_counts_as_that() -> None:
+    assert [part.tolist() for part in encoded(np.array([0.5, 1e9]))] == [[1.0, 1.0], [0, 0]]
 
 
 def test_what_is_too_small_is_nothing() -> None:
@@ -81,29 +86,37 @@ def stay(count: int) -> Kernel:
     return Kernel(np.arange(count, dtype=np.int32)[:, None], np.ones((count, 1), np.float32))
 
 
-@pytest.mark.parametrize("sizes", [(1, 1), (5, 40), (33, 64), (70, 3)])
-def test_steps_are_those_of_numpy(sizes: tuple[int, int]) -> None:
-    """Three of them, with rows and columns in turn, of tables that fill no register."""
-    rng = np.random.default_rng(2)
-    kernels = [Kernel(rng.integers(n, size=(n, 4)).astype(np.int32), rng.dirichlet(np.ones(4), n)) for n in sizes]
-    kernels = [Kernel(nodes, chances.astype(np.float32)) for nodes, chances in kernels]
-    first, second = sizes
-    earned = rng.normal(scale=3.0, size=sizes).astype(np.float32)
+@pytest.mark.parametrize(
+    "sizes",
+    [[[1] * 4, [1] * 4], [[5] * 4, [40] * 4], [[1, 5, 33, 70], [3, 40, 64, 66]], [[70] * 4, [3] * 4]],
+    ids=["one", "few", "growing", "many"],
+)
+def test_steps_are_those_of_numpy(sizes: list[list[int]]) -> None:
+    """Three of them, with rows and columns in turn, of tables that fill no register; what cannot be reached is dear."""
+    rng, counts = np.random.default_rng(2), np.array(sizes)
+    kernels = [[some_kernel(rng, *counts[i, step - 1 : step + 1]) for step in (1, 2, 3)] for i in (0, 1)]
+    earned = rng.normal(scale=3.0, size=counts[:, -1]).astype(np.float32)
+    earned[counts[0, -2] :] = earned[:, counts[1, -2] :] = 500.0
+    first, second = counts[:, -1]
     pairs, turned = earned[strip_indices(first, second)], earned.T[strip_indices(second, first)]
-    problem = PairProblem(lambda i, _: kernels[i], np.tile(np.array(sizes)[:, None], 4), pairs, turned, 0.9)
+    problem = PairProblem(lambda i, step: kernels[i][step - 1], counts, pairs, turned, 0.9)
     backups = CompiledBackup(problem), NumpyBackup(problem)
-    exact = np.zeros(sizes)
-    for step in range(3):
-        rows, columns = kernels if step % 2 == 0 else kernels[::-1]
-        assert problem.shape(3 - step) == (strips(len(rows.nodes)), len(columns.nodes), LANES)
-        found = [np.empty(problem.shape(3 - step), np.uint16) for _ in range(2)]
-        tops = [
-            of.step(rows, columns, (turned, pairs)[step % 2], codes) for of, codes in zip(backups, found, strict=True)
-        ]
-        dense = [np.zeros((n, n)) for n in sizes]
-        for matrix, (nodes, chances) in zip(dense, kernels, strict=True):
+    exact = np.zeros(counts[:, -1])
+    for step in (3, 2, 1):
+        now = [kernels[i][step - 1] for i in (0, 1)]
+        rows, columns = now if problem.swapped(step) else now[::-1]
+        dense = [np.zeros(counts[i, step - 1 : step + 1]) for i in (0, 1)]
+        for matrix, (nodes, chances) in zip(dense, now, strict=True):
             np.add.at(matrix, (np.arange(len(nodes))[:, None], nodes), chances)
-        exact = earned + np.log(dense[0] @ np.exp(0.9 * exact) @ dense[1].T)
-        for top, codes in zip(tops, found, strict=True):
-            values = Table(codes, top, swapped=step % 2 == 0).values(*np.ogrid[:first, :second])
+        some = np.ix_(*(np.arange(n) for n in counts[:, step - 1]))
+        exact = earned[some] + np.log(dense[0] @ np.exp(0.9 * exact) @ dense[1].T)
+        for backup in backups:
+            codes = np.empty(problem.shape(step), np.uint16)
+            top = backup.step(rows, columns, turned if problem.swapped(step) else pairs, codes)
+            values = Table(codes, top, problem.swapped(step)).values(*some)
             np.testing.assert_allclose(values, exact, rtol=0, atol=0.0015)
+
+
+def some_kernel(rng: np.random.Generator, count: int, after: int) -> Kernel:
+    nodes, chances = rng.integers(after, size=(count, 4)), rng.dirichlet(np.ones(4), count)
+    return Kernel(nodes.astype(np.int32), chances.astype(np.float32))

@@ -1,7 +1,7 @@
 /* One step of C_t = r_12 + log( P_1 exp(gamma C_{t+1}) P_2^T ), what two drones cost each other
    (games/drones/coupling.py). Rows and columns change places from step to step, so that both products run along
-   neighbouring numbers: 32 rows at a time, a strip of all columns is gathered by P of the drone that has the rows, turned
-   round, and gathered by P of the other one. Sums are taken move by move, in the order of the moves.
+   neighbouring numbers: 32 rows at a time, all columns are gathered by P of the drone that has the rows, turned round, and
+   gathered by P of the other one. Sums are taken move by move, in the order of the moves.
 
    Tables of R rows are kept in strips of LANES columns, (strips, R, LANES): what is gathered together lies together. */
 #include <stdlib.h>
@@ -53,12 +53,12 @@ static inline INLINE void turn(const float *from, int64_t from_stride, float *to
     *(part *)(to + k * to_stride) = cards[k];
 }
 
-/* P_rows ahead for LANES rows from ``first`` on, turned round: a strip of the columns. Beyond the last row: the last row
-   again. */
-static inline INLINE void turned_strip(const mover *rows, int64_t first, const float *ahead, int64_t ahead_rows,
-                                       int64_t strips, float *to) {
+/* P_rows ahead for LANES rows from ``first`` on, turned round: (columns of ahead, LANES). Beyond the last row: the last
+   row again. */
+static inline INLINE void turned_rows(const mover *rows, int64_t first, const float *ahead, int64_t ahead_rows,
+                                      int64_t ahead_strips, float *to) {
   float block[LANES * LANES];
-  for (int64_t s = 0; s < strips; s++, ahead += ahead_rows * LANES, to += LANES * LANES) {
+  for (int64_t s = 0; s < ahead_strips; s++, ahead += ahead_rows * LANES, to += LANES * LANES) {
     for (int64_t lane = 0; lane < LANES; lane++) {
       int64_t row = first + lane < rows->count ? first + lane : rows->count - 1;
       gather(rows, row, ahead, block + lane * LANES);
@@ -79,21 +79,22 @@ static inline INLINE void backed_up(const float *sums, const float *pair, float 
 }
 
 /* C_t with a row for each node of ``columns`` and a column for each of ``rows``, from ahead = exp(gamma C_{t+1}) with
-   rows and columns the other way round. ``pairs`` has ``pairs_rows`` rows, or more than C_t has. Columns that fill the
-   last strip repeat the last node, but for what pairs earn. Returns the largest value, or NaN where there is no memory
-   for a strip. */
+   rows and columns the other way round. ``pairs`` has ``pairs_rows`` rows, at least as many as C_t. Columns that fill the
+   last strip repeat the last node, but for what pairs earn. Returns the largest value of all others, or NaN where there
+   is no memory for 32 rows. */
 KERNEL float mabirds_couple(const mover *rows, const mover *columns, const float *ahead, int64_t ahead_rows,
-                            int64_t strips, const float *pairs, int64_t pairs_rows, float constant, float *values) {
+                            int64_t ahead_strips, const float *pairs, int64_t pairs_rows, float constant,
+                            float *values) {
   float sums[LANES], most[LANES], largest = -__builtin_inff();
-  float *strip = malloc((size_t)strips * LANES * LANES * sizeof *strip);
-  if (strip == NULL)
+  float *turned = malloc((size_t)ahead_strips * LANES * LANES * sizeof *turned);
+  if (turned == NULL)
     return __builtin_nanf("");
   for (int64_t first = 0; first < rows->count; first += LANES) {
-    turned_strip(rows, first, ahead, ahead_rows, strips, strip);
+    turned_rows(rows, first, ahead, ahead_rows, ahead_strips, turned);
     for (int64_t k = 0; k < LANES; k++)
       most[k] = -__builtin_inff();
     for (int64_t row = 0; row < columns->count; row++) {
-      gather(columns, row, strip, sums);
+      gather(columns, row, turned, sums);
       backed_up(sums, pairs + row * LANES, constant, values + row * LANES, most);
     }
     for (int64_t k = 0; k < LANES && first + k < rows->count; k++)
@@ -101,7 +102,7 @@ KERNEL float mabirds_couple(const mover *rows, const mover *columns, const float
     pairs += pairs_rows * LANES;
     values += columns->count * LANES;
   }
-  free(strip);
+  free(turned);
   return largest;
 }
 
@@ -109,7 +110,7 @@ KERNEL float mabirds_couple(const mover *rows, const mover *columns, const float
 KERNEL void mabirds_encode(float *values, int64_t count, float top, float per_nat, float discount, float lift,
                            uint16_t *codes) {
   for (int64_t i = 0; i < count; i++) {
-    float below = top - values[i];
+    float below = top > values[i] ? top - values[i] : 0.0f; /* what fills the last strip may be larger */
     float steps = below * per_nat + 0.5f;
     codes[i] = (uint16_t)(int32_t)(steps < 65535.0f ? steps : 65535.0f);
     values[i] = fixed32_exp(lift - discount * below);

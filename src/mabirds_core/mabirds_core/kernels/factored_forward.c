@@ -318,7 +318,7 @@ KERNEL int mabirds_factored_forward(const Game *g, const double *phi, const doub
   return follow(g, phi, chances, gain, onward, shift, start, 0, totals) < 0.0;
 }
 
-/* The same without totals, which are half of the work, and with what is kept alone. ``mass`` becomes what is left. */
+/* The same without totals. Mass that touches what is not kept is lost; ``mass`` becomes what is left. */
 KERNEL int mabirds_factored_remaining(const Game *g, const double *phi, const double *chances, const double *gain,
                                       double *onward, const double *shift, const double *start, const Kept *kept,
                                       double *mass) {

@@ -166,8 +166,8 @@ def test_with_and_without_a_compiler_the_values_are_the_same() -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("mabirds_core.games.drones.coupling.library", lambda: None)
         plain = found(model, at, 0.1)
-    counts = zip(*(drone.nodes.reached for drone in compiled.drones), strict=True)
-    for one, other, (first, second) in zip(compiled.tables, plain.tables, counts, strict=False):
+    counts = zip(*(drone.nodes.reached[:-1] for drone in compiled.drones), strict=True)
+    for one, other, (first, second) in zip(compiled.tables, plain.tables, counts, strict=True):
         assert one.top == pytest.approx(other.top, abs=1e-3)
         nodes = np.ogrid[:first, :second]
         np.testing.assert_allclose(one.values(*nodes) - one.top, other.values(*nodes) - other.top, rtol=0, atol=0.003)

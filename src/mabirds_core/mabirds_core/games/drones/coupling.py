@@ -121,7 +121,7 @@ class PairProblem:
     discount: float
 
     def shape(self, step: int) -> tuple[int, int, int]:
-        """Of the strips of C_t; those of the last step have the rows of drone 2, and so on in turns."""
+        """(strips, rows, LANES) of C_t: drone 2 has the rows at t = T, drone 1 at T - 1, and so on in turns."""
         rows, columns = self.sizes[:: -1 if self.swapped(step) else 1, step - 1]
         return strips(columns), int(rows), LANES
 
@@ -202,8 +202,8 @@ class NumpyBackup:
         in_strips += rewards[: len(codes), : len(values)]
         values += np.float32(self._top - LIFT)
         top = values[:, :count].max()
-        values -= top
-        np.clip(in_strips * np.float32(-LEVELS / DEPTH) + np.float32(0.5), 0, LEVELS, out=codes, casting="unsafe")
+        np.minimum(values - top, 0, out=values)  # what fills the last strip may be larger
+        np.minimum(in_strips * np.float32(-LEVELS / DEPTH) + np.float32(0.5), LEVELS, out=codes, casting="unsafe")
         values *= np.float32(self._discount)
         values += np.float32(LIFT)
         self._ahead, self._top = np.exp(values, out=values), self._discount * float(top)

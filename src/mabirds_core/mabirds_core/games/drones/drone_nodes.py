@@ -66,7 +66,7 @@ class DroneNodes:
         nodes, shares = self.lattice.moves
         return self._absorbed(Moves(self._numbers[nodes[self._order]], shares[self._order]), self.places)
 
-    def at(self, places: Array) -> Indices:
+    def numbers_at(self, places: Array) -> Indices:
         """Numbers of the nodes that places (M, 2) are, shape (M,); -1 for those between nodes."""
         nodes, distances = self.lattice.nearest(places)
         return np.where(distances <= SAME_PLACE, self._numbers[nodes], -1)
@@ -79,7 +79,7 @@ class DroneNodes:
         places : Array
             Shape (M, 2) [m].
         here : Indices, optional
-            The nodes ``at`` them.
+            ``numbers_at`` them, where they are known.
 
         Returns
         -------
@@ -87,7 +87,7 @@ class DroneNodes:
             To the nodes within reach. In the goal region it is to stay: at the node that is the place or, for places
             between nodes, at the nearest node, which stands for the place.
         """
-        here = self.at(places) if here is None else here
+        here = self.numbers_at(places) if here is None else here
         away = here < 0
         if not away.any():
             return self.moves.at(here)

@@ -32,9 +32,11 @@ from mabirds_core.games.drones.game import DroneGame
 from mabirds_core.games.drones.lone_drone import LoneDrone, log_sum_exp
 from mabirds_core.games.drones.nodes import NodeLattice, Shape
 from mabirds_core.games.drones.rewards import DroneRewardModel
-from mabirds_core.games.drones.table_memory import TableMemory
+from mabirds_core.games.drones.table_memory import Codes, table_memory
 from mabirds_core.games.interface import Trajectories
 from mabirds_core.planners.interface import Policy
+
+NO_MEMORY: Codes = np.empty(0, np.uint16)
 
 
 class Choices(NamedTuple):
@@ -103,13 +105,14 @@ class LatticePolicy:
     drones: list[LoneDrone]
     tables: list[Table]
     """C_t for t = 1 .. T; none for a single drone, and none any more of a policy that was used up."""
-    memory: TableMemory
+    memory: Codes
     """Where they are kept."""
 
-    def release(self) -> TableMemory:
-        """Its memory, for another policy: this one cannot be followed any more."""
+    def release(self) -> Codes:
+        """Its memory, if it still has some, for another policy: this one cannot be followed any more."""
+        memory = self.memory if self.tables else NO_MEMORY
         self.tables.clear()
-        return self.memory
+        return memory
 
     def act(self, step: int, states: Array, rng: np.random.Generator) -> Array:
         """An action of each drone for M joint states (M, N_E D), shape (M, 2 N_E): they lead to nodes exactly."""
@@ -314,13 +317,13 @@ class LatticePlanner:
             Exact there.
         """
         drones = [LoneDrone.of(drone, rewards, self.temperature) for drone in self.lattices[number]]
-        memory = previous.release() if isinstance(previous, LatticePolicy) else None
+        memory = previous.release() if isinstance(previous, LatticePolicy) else NO_MEMORY
         if len(drones) == 1:
-            return LatticePolicy(self.game, rewards, self.temperature, drones, [], memory or TableMemory(0))
+            return LatticePolicy(self.game, rewards, self.temperature, drones, [], memory)
         problem = self._pair_problem(drones, rewards)
-        if memory is None or len(memory.array) < problem.codes:
-            memory = TableMemory(problem.codes)
-        return LatticePolicy(self.game, rewards, self.temperature, drones, couple(problem, memory.array), memory)
+        if len(memory) < problem.codes:
+            memory = table_memory(problem.codes)
+        return LatticePolicy(self.game, rewards, self.temperature, drones, couple(problem, memory), memory)
 
     def _pair_problem(self, drones: list[LoneDrone], rewards: Rewards) -> PairProblem:
         """What decides C_t of two drones."""

@@ -37,7 +37,7 @@ class LoneDrone:
     """V^i of a drone without the other one, in units of tau."""
 
     nodes: DroneNodes
-    scores: Array
+    earned: Array
     """log mu(a) + r_i(s, a) at every node, shape (S, A); -inf where there is no such move."""
     values: Array
     """Shape (T + 2, S)."""
@@ -65,11 +65,11 @@ class LoneDrone:
             With its values.
         """
         moves, game = nodes.moves, nodes.game
-        scores = log_shares(moves.shares) + nodes.rewards(rewards, nodes.places, moves.nodes) / temperature
+        earned = log_shares(moves.shares) + nodes.rewards(rewards, nodes.places, moves.nodes) / temperature
         values = np.zeros((game.horizon + 2, nodes.size))
         for step in range(game.horizon, -1, -1):
-            values[step] = log_sum_exp(scores + game.discount * values[step + 1][moves.nodes])
-        return cls(nodes, scores, values, rewards, temperature)
+            values[step] = log_sum_exp(earned + game.discount * values[step + 1][moves.nodes])
+        return cls(nodes, earned, values, rewards, temperature)
 
     def moves(self, step: int, places: Array) -> LoneMoves:
         """What the drone can do without the other one.
@@ -87,20 +87,22 @@ class LoneDrone:
             From nodes as they were solved for; from places between nodes, the same sums.
         """
         nodes, discount = self.nodes, self.nodes.game.discount
-        here = nodes.at(places)
-        if (here >= 0).all():
-            (after, shares), scores = nodes.moves.at(here), self.scores[here]
-        else:
-            after, shares = nodes.moves_from(places, here)
-            scores = log_shares(shares) + nodes.rewards(self.rewards, places, after) / self.temperature
-        return LoneMoves(after, log_shares(shares), scores + discount * self.values[step + 1][after])
+        here = nodes.numbers_at(places)
+        after, shares = nodes.moves_from(places, here)
+        known, between = here >= 0, here < 0
+        earned = np.full(after.shape, -np.inf)
+        earned[known, : self.earned.shape[1]] = self.earned[here[known]]
+        if between.any():
+            rewards = nodes.rewards(self.rewards, places[between], after[between])
+            earned[between] = log_shares(shares[between]) + rewards / self.temperature
+        return LoneMoves(after, log_shares(shares), earned + discount * self.values[step + 1][after])
 
     def kernel(self, step: int) -> Kernel:
         """P^i_t between the nodes that can have been reached."""
         count = self.nodes.reached[step - 1]
         moves = np.maximum(self.nodes.moves.nodes[:count], 0)
         backup = self.nodes.game.discount * self.values[step + 1][moves]
-        chances = np.exp(self.scores[:count] + backup - self.values[step][:count, None])
+        chances = np.exp(self.earned[:count] + backup - self.values[step][:count, None])
         return Kernel(moves.astype(np.int32), chances.astype(np.float32))
 
 
