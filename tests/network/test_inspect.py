@@ -210,7 +210,8 @@ def test_plain_values_and_back() -> None:
 
 
 TABLE = """
-import pty
+import pty, signal
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # the command ends with its terminal, also where nohup began the tests
 pty.spawn(["bash", "-c", "stty cols 60 rows 40; exec {} -m mabirds_bringup inspect"])
 """
 
